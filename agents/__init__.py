@@ -1,0 +1,1 @@
+"""Driving agents; `lavsim score --agent agents.x:Class` or a file finds one."""

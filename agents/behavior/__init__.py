@@ -1,0 +1,1 @@
+"""The behaviour agent: a rule-based expert on privileged state."""

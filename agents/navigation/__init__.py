@@ -1,0 +1,1 @@
+"""Names under the import paths of the CARLA Python agents."""

@@ -1,0 +1,1 @@
+"""Recorded drives: write, read, replay."""

@@ -1,0 +1,1 @@
+"""OpenDRIVE towns: import, queries, routes and static scenery."""

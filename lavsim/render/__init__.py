@@ -1,0 +1,1 @@
+"""What sensors and pictures see: ground class rasters and prisms."""

@@ -1,0 +1,1 @@
+"""Scripted hazards, one file each."""

@@ -1,0 +1,1 @@
+"""Sensors, one file each: stateless functions of snapshots."""

@@ -1,0 +1,1 @@
+"""Bundled towns, found by name, and the scripts that draw them."""

@@ -1,0 +1,1 @@
+"""Drivers and walkers as array kernels."""

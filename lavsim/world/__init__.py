@@ -1,0 +1,1 @@
+"""State of the world and what moves it: dynamics, contacts, lights, weather, snapshots."""

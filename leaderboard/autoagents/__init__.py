@@ -1,0 +1,1 @@
+"""The agent base class under the import path that published agents use."""

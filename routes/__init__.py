@@ -1,0 +1,1 @@
+"""Packaged route files, found by name (`lavsim score --routes quick`)."""
