@@ -10,7 +10,7 @@ class LavsimError(Exception):
     """A mistake in what came from outside: the message says what came and what was expected."""
 
 
-class UnknownName(LavsimError):
+class UnknownName(LavsimError):  # noqa: N818 - reads as what happened, as in the messages
     """A name that no registry, folder or table holds."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:

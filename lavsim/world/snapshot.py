@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from lavsim.types import DT, ActorClass, Role
 from lavsim.world.weather import Weather
 
-LENGTH_UNIT = 1e-3  # [m]
-ANGLE_UNIT = 2.0 * np.pi / 65536.0  # [rad]
-SPEED_UNIT = 1e-2  # [m/s]
+LENGTH_UNIT = np.float64(1e-3)  # [m]
+ANGLE_UNIT = np.float64(2.0 * np.pi / 65536.0)  # [rad]
+SPEED_UNIT = np.float64(1e-2)  # [m/s]
 
 CONTACT_DTYPE = np.dtype(
     [("a", "<i4"), ("b", "<i4"), ("impulse", "<f4"), ("x", "<i4"), ("y", "<i4")]  # ids; [N s]; [mm]
@@ -104,7 +104,7 @@ class Snapshot:
         rows: (N,) int32, row of each present actor in `table`; ascending, ego first.
         pose: (N, 5) int32: x, y, z [mm] (box centre in plan, ground level), yaw, pitch [2^-16 turn].
         velocity: (N, 3) int32: vx, vy, vz in the world frame [cm/s].
-        state: (N, 3) int32: vehicle lights (`VehicleLight`), open doors (bit field), gait phase of a walker [2^-8 step].
+        state: (N, 3) int32: vehicle lights (`VehicleLight`), open doors (bit field), a walker's gait phase [2^-8 step].
         ego_motion: (6,) float32: acceleration ahead, right, up [m/s²] without gravity; rotation rate about the
             same axes [rad/s].
         control: (5,) float32: throttle, steer, brake, hand brake, reverse as applied in the tick that led here.
