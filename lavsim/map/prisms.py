@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-MAX_CORNERS = 8
+MAX_VERTICES = 8
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Prisms:
     @staticmethod
     def empty() -> Prisms:
         return Prisms(
-            np.zeros((0, MAX_CORNERS, 2)),
+            np.zeros((0, MAX_VERTICES, 2)),
             np.zeros(0, np.int32),
             np.zeros(0),
             np.zeros(0),
@@ -93,9 +93,9 @@ class PrismList:
     ) -> None:
         """Adds one prism with a convex `footprint` (M, 2) of 3 to 8 corners [m]."""
         corners = np.asarray(footprint, dtype=np.float64)
-        if not 3 <= len(corners) <= MAX_CORNERS:
-            raise ValueError(f"a footprint has 3 to {MAX_CORNERS} corners, got {len(corners)}")
-        padded = np.concatenate([corners, np.repeat(corners[-1:], MAX_CORNERS - len(corners), axis=0)])
+        if not 3 <= len(corners) <= MAX_VERTICES:
+            raise ValueError(f"a footprint has 3 to {MAX_VERTICES} corners, got {len(corners)}")
+        padded = np.concatenate([corners, np.repeat(corners[-1:], MAX_VERTICES - len(corners), axis=0)])
         self._rows.append((padded, len(corners), z0, z1, tag, colour, solid, light, lamp))
 
     def build(self) -> Prisms:
