@@ -1,0 +1,92 @@
+"""The agent's side of `lavsim.isolation`: `python -m lavsim.isolation_child SOCKET SHARED`."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import mmap
+import os
+import signal
+import socket
+import sys
+import traceback
+from dataclasses import asdict
+from typing import Any
+
+from lavsim import carla_standin
+from lavsim.agent import AgentFailure, AgentPlan, AgentRunner, AgentSpec, AgentStatus
+from lavsim.messages import Channel, MessageError
+
+
+def main(arguments: list[str]) -> int:
+    """Answers orders until the parent says `close` or is gone."""
+    _die_with_parent()
+    stream = socket.socket(fileno=int(arguments[0]))
+    shared = mmap.mmap(int(arguments[1]), 0)
+    os.close(int(arguments[1]))
+    os.set_inheritable(stream.fileno(), False)
+    channel = Channel(stream, shared)
+    runner: AgentRunner | None = None
+    while True:
+        try:
+            message = channel.receive()
+        except EOFError:
+            return 0
+        try:
+            if message["order"] == "start":
+                runner, reply = _start(message)
+            elif message["order"] == "step":
+                assert runner is not None
+                readings = {key: (frame, data) for key, (frame, data) in message["readings"].items()}
+                reply = asdict(runner.step(readings, message["time"]))
+            else:
+                if runner is not None:
+                    runner.close()
+                reply = {}
+        except AgentFailure as failure:
+            _print_cause(failure)
+            reply = {"failure": [int(failure.status), failure.message]}
+        _flush()
+        with contextlib.suppress(BrokenPipeError):
+            try:
+                channel.send(reply)
+            except MessageError as error:  # only the sensors can hold what JSON can't
+                text = f"sensors() returned what is no plain data: {error}"
+                channel.send({"failure": [int(AgentStatus.SENSORS_INVALID), text]})
+        if message["order"] == "close":
+            return 0
+
+
+def _start(message: dict[str, Any]) -> tuple[AgentRunner, dict[str, Any]]:
+    sys.path[:] = message["path"]
+    if os.getcwd() not in sys.path and "" not in sys.path:
+        sys.path.append(os.getcwd())  # "module:Class" of the user's own folder
+    carla_standin.install()
+    runner = AgentRunner(AgentSpec.from_json(message["spec"]))
+    runner.start(AgentPlan(**message["plan"]), message["spacing"])
+    return runner, {"track": runner.track.value, "sensors": runner.sensors}
+
+
+def _print_cause(failure: AgentFailure) -> None:
+    if failure.__cause__ is not None:
+        traceback.print_exception(failure.__cause__)
+    else:
+        print(f"{failure.status.name}: {failure.message}", file=sys.stderr)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(Exception):  # agents replace and close these
+            stream.flush()
+
+
+def _die_with_parent() -> None:
+    """Asks Linux to kill this process with the parent, which else could leave a hanging agent behind."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+if __name__ == "__main__":
+    code = main(sys.argv[1:])
+    _flush()
+    os._exit(code)  # threads and exit handlers of foreign code don't get to hold the route up
