@@ -1,0 +1,50 @@
+# Set-up and the main jobs. `make score` and `make test` work in a fresh clone: they make the virtual environment first.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUNTIME := $(VENV)/.runtime-installed
+DEV := $(VENV)/.dev-installed
+
+.PHONY: help score test test-slow lint bench clean
+
+help:
+	@echo "make score      set up, then drive and score the bundled routes 'quick' with the behaviour agent"
+	@echo "make test       set up, then ruff, mypy and the tests"
+	@echo "make test-slow  the long tests"
+	@echo "make bench      the speed of each part on this machine"
+	@echo "make clean      remove the virtual environment, runs and caches"
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "Python 3.11 or newer is needed; name it with 'make PYTHON=python3.11 ...'." >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# A stamp is newer than pyproject.toml when what that file asks for is installed.
+$(RUNTIME): pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(DEV): pyproject.toml $(RUNTIME)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+score: $(RUNTIME)
+	$(BIN)/lavsim score --agent agents.behavior:BehaviorAgent --routes quick --out runs/score --overwrite
+
+lint: $(DEV)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/pytest -n 2 -m "not slow"
+
+test-slow: $(DEV)
+	$(BIN)/pytest -n 2 -m slow
+
+bench: $(RUNTIME)
+	$(BIN)/lavsim bench
+
+clean:
+	rm -rf $(VENV) runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find lavsim leaderboard agents routes tests -name __pycache__ -type d -prune -exec rm -rf {} +
