@@ -1,0 +1,689 @@
+"""Lanes as one table of arrays, worked out from the records of an OpenDRIVE file.
+
+Here OpenDRIVE's frame (y north, angles counter-clockwise) becomes the world frame (y south, clockwise). Inside a lane
+the coordinate is `u`: metres travelled along the lane's centre line in plan, from where traffic enters it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lavsim.errors import MapError
+from lavsim.geometry import wrap_angle
+from lavsim.map.opendrive import JunctionRecord, LaneRecord, Network, Polynomial, RoadRecord, SectionRecord
+from lavsim.types import LaneType, RoadOption
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+STEP = 0.5  # [m] largest spacing of centre points; a chord over it on a 2.7 m radius lies 1.2 cm off the arc
+MAX_GAP = 1.0  # [m] between linked lanes that nobody drives on
+SHORTEST = 1e-3  # [m] sections below this are slips of the drawing tool and carry no lane
+CHANGE_RIGHT, CHANGE_LEFT = 1, 2  # bits of `LaneTable.change`, CARLA's LaneChange
+TURN_THRESHOLD = np.radians(35.0)  # CARLA's GlobalRoutePlanner: less is "straight"
+SWEPT_HALF_WIDTH = 1.2  # [m] what a car sweeps beside its lane's centre, for conflicts inside junctions
+CLEAR_HEIGHT = 3.0  # [m] lanes farther apart in z don't meet (DESIGN section 2)
+
+LANE_TYPES = {
+    "none": LaneType.NONE,
+    "driving": LaneType.DRIVING,
+    "stop": LaneType.STOP,
+    "shoulder": LaneType.SHOULDER,
+    "biking": LaneType.BIKING,
+    "sidewalk": LaneType.SIDEWALK,
+    "border": LaneType.BORDER,
+    "restricted": LaneType.RESTRICTED,
+    "parking": LaneType.PARKING,
+    "bidirectional": LaneType.BIDIRECTIONAL,
+    "median": LaneType.MEDIAN,
+    "special1": LaneType.SPECIAL1,
+    "special2": LaneType.SPECIAL2,
+    "special3": LaneType.SPECIAL3,
+    "roadworks": LaneType.ROADWORKS,
+    "roadWorks": LaneType.ROADWORKS,
+    "tram": LaneType.TRAM,
+    "rail": LaneType.RAIL,
+    "entry": LaneType.ENTRY,
+    "exit": LaneType.EXIT,
+    "offRamp": LaneType.OFF_RAMP,
+    "onRamp": LaneType.ON_RAMP,
+}
+DRIVABLE = int(
+    LaneType.DRIVING
+    | LaneType.BIDIRECTIONAL
+    | LaneType.ENTRY
+    | LaneType.EXIT
+    | LaneType.OFF_RAMP
+    | LaneType.ON_RAMP
+    | LaneType.PARKING
+)  # types that a vehicle may pass between
+
+
+class Side(Enum):
+    """A side of a lane, seen in its direction of travel."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+@dataclass(frozen=True, eq=False)
+class LaneTable:
+    """Every lane piece (road, section, lane id) but the centre lanes 0, one row each; P centre points in all.
+
+    Attributes:
+        road_id: (L,) int32.
+        section: (L,) int32, index of the section on its road.
+        lane_id: (L,) int32.
+        type: (L,) int32, `LaneType` bits.
+        junction: (L,) int32, index into `TownMap.junctions`, or -1.
+        length: (L,) length of the centre line in plan [m].
+        s_start: (L,) OpenDRIVE s where travel enters [m].
+        s_end: (L,) s where it leaves; below `s_start` for lanes with positive id.
+        first: (L+1,) int32; points of lane i are rows first[i] … first[i+1]-1, in the direction of travel.
+        step: (L,) their spacing in u [m], uniform within a lane, at most 0.5.
+        points: (P, 5) x, y, z [m], yaw [rad, unwrapped within a lane], curvature [1/m, positive to the right].
+        point_s: (P,) s of each point.
+        width: (P,) lane width [m].
+        change: (P,) uint8, lane changes the marks allow there: 1 right, 2 left.
+        succ_first, succ: lanes that follow in travel, compressed rows: succ[succ_first[i]:succ_first[i+1]].
+        pred_first, pred: lanes that lead in.
+        left, right: (L,) int32, neighbour of the same type and direction, or -1.
+        change_left, change_right: (L,) bool, marks allow the change over at least half of the lane.
+        speed_limit: (L,) [m/s].
+        light: (L,) int32, traffic light that governs this junction lane, or -1.
+        conflict_first, conflict: lanes of the same junction whose swept areas meet this one's (compressed rows);
+            lanes that diverge from one predecessor are left out, merging ones are in.
+        conflict_u: (E, 2) where they meet, as an interval of u on this lane [m].
+        turn: (L,) int8, `RoadOption` of a junction lane by CARLA's 35 degree rule, LANEFOLLOW elsewhere.
+    """
+
+    road_id: Ints
+    section: Ints
+    lane_id: Ints
+    type: Ints
+    junction: Ints
+    length: Floats
+    s_start: Floats
+    s_end: Floats
+    first: Ints
+    step: Floats
+    points: Floats
+    point_s: Floats
+    width: Floats
+    change: NDArray[np.uint8]
+    succ_first: Ints
+    succ: Ints
+    pred_first: Ints
+    pred: Ints
+    left: Ints
+    right: Ints
+    change_left: NDArray[np.bool_]
+    change_right: NDArray[np.bool_]
+    speed_limit: Floats
+    light: Ints
+    conflict_first: Ints
+    conflict: Ints
+    conflict_u: Floats
+    turn: NDArray[np.int8]
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            value.flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.road_id)
+
+    def successors(self, lane: int) -> Ints:
+        """Lanes that follow `lane`."""
+        return self.succ[self.succ_first[lane] : self.succ_first[lane + 1]]
+
+    def predecessors(self, lane: int) -> Ints:
+        """Lanes that lead into `lane`."""
+        return self.pred[self.pred_first[lane] : self.pred_first[lane + 1]]
+
+    def conflicts(self, lane: int) -> Ints:
+        """Lanes that `lane` meets inside its junction."""
+        return self.conflict[self.conflict_first[lane] : self.conflict_first[lane + 1]]
+
+    def rows(self, lane: int) -> slice:
+        """Rows of the centre points of `lane`."""
+        return slice(int(self.first[lane]), int(self.first[lane + 1]))
+
+    def centre_line(self, lane: int) -> Floats:
+        """Centre points `(n, 5)` of `lane`."""
+        return self.points[self.rows(lane)]
+
+    def where(self, types: int) -> NDArray[np.int64]:
+        """Lanes of any of `types`."""
+        return np.flatnonzero(self.type & types)
+
+    def u_of_s(self, lane: int, s: float) -> float:
+        """Travelled length on `lane` at OpenDRIVE `s`, clamped to the lane."""
+        along = self.point_s[self.rows(lane)]
+        u = np.arange(len(along)) * self.step[lane]
+        if self.lane_id[lane] > 0:
+            return float(np.interp(-s, -along, u))
+        return float(np.interp(s, along, u))
+
+    def s_of_u(self, lane: int, u: float) -> float:
+        """OpenDRIVE s on `lane` after travelling `u`."""
+        along = self.point_s[self.rows(lane)]
+        position = min(max(u / self.step[lane], 0.0), len(along) - 1.0)
+        index = min(int(position), len(along) - 2)
+        return float(along[index] + (position - index) * (along[index + 1] - along[index]))
+
+
+class Profile:
+    """Polynomial records as a function of s."""
+
+    def __init__(self, records: Sequence[Polynomial]) -> None:
+        self.s = np.array([r.s for r in records])
+        self.coefficients = np.array([(r.a, r.b, r.c, r.d) for r in records]).reshape(-1, 4)
+        self.is_constant = len(records) == 0 or (
+            not self.coefficients[:, 1:].any() and bool(np.ptp(self.coefficients[:, 0]) == 0.0)
+        )
+
+    def __call__(self, s: Floats) -> tuple[Floats, Floats]:
+        """Values and slopes at `s`; 0 without records."""
+        if not len(self.s):
+            return np.zeros_like(s), np.zeros_like(s)
+        if self.is_constant:
+            return np.full_like(s, self.coefficients[0, 0]), np.zeros_like(s)
+        row = np.maximum(np.searchsorted(self.s, s, side="right") - 1, 0)
+        a, b, c, d = self.coefficients[row].T
+        ds = s - self.s[row]
+        return a + ds * (b + ds * (c + ds * d)), b + ds * (2.0 * c + ds * 3.0 * d)
+
+
+class RoadShape:
+    """Reference line and profiles of one road, in OpenDRIVE's frame."""
+
+    def __init__(self, road: RoadRecord) -> None:
+        self.road = road
+        self.s = np.array([g.s for g in road.geometry])
+        self.start = np.array([(g.x, g.y, g.heading, g.curvature) for g in road.geometry])
+        self.elevation = Profile(road.elevation)
+        self.offset = Profile(road.lane_offset)
+        self.section_s = np.array([section.s for section in road.sections] + [road.length])
+
+    def pose(self, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """x, y, heading and curvature of the reference line at `s`."""
+        row = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, None)
+        x, y, heading, curvature = self.start[row].T
+        ds = s - self.s[row]
+        half = 0.5 * curvature * ds  # chord of an arc: exact, and a line where the curvature is 0
+        chord = ds * np.sinc(half / np.pi)
+        return x + chord * np.cos(heading + half), y + chord * np.sin(heading + half), heading + 2.0 * half, curvature
+
+    def place(self, s: float, t: float, use_offset: bool = False) -> tuple[float, float, float, float]:
+        """World x, y, z and yaw [m, rad] of the road point (s, t); `t` from the lane offset if `use_offset`."""
+        at = np.array([s])
+        x, y, heading, _ = (float(v[0]) for v in self.pose(at))
+        if use_offset:
+            t = t + float(self.offset(at)[0][0])
+        z = float(self.elevation(at)[0][0])
+        return x - t * np.sin(heading), -(y + t * np.cos(heading)), z, -heading
+
+    def breakpoints(self, low: float, high: float) -> Floats:
+        """Values of s in (low, high) where curvature or a record changes."""
+        marks = np.concatenate([self.s, self.offset.s])
+        return marks[(marks > low + SHORTEST) & (marks < high - SHORTEST)]
+
+
+class SectionShape:
+    """Lateral extent of the lanes of one section."""
+
+    def __init__(self, shape: RoadShape, index: int) -> None:
+        self.shape = shape
+        self.record: SectionRecord = shape.road.sections[index]
+        self.start, self.end = float(shape.section_s[index]), float(shape.section_s[index + 1])
+        self.widths = {
+            lane.id: Profile([Polynomial(p.s + self.start, p.a, p.b, p.c, p.d) for p in lane.widths])
+            for lane in self.record.lanes
+            if lane.id != 0
+        }
+
+    def edge(self, lane_id: int, s: Floats) -> tuple[Floats, Floats]:
+        """t and dt/ds of the outer edge of a lane (of lane 0: the centre line)."""
+        t, slope = self.shape.offset(s)
+        sign = 1 if lane_id > 0 else -1
+        for k in range(sign, lane_id + sign, sign):
+            width, change = self.widths[k](s)
+            t, slope = t + sign * width, slope + sign * change
+        return t, slope
+
+    def centre(self, lane_id: int, s: Floats) -> tuple[Floats, Floats, Floats]:
+        """t, dt/ds of the centre of a lane, and its width."""
+        sign = 1 if lane_id > 0 else -1
+        inner, slope = self.edge(lane_id - sign, s)
+        width, change = self.widths[lane_id](s)
+        return inner + sign * width / 2.0, slope + sign * change / 2.0, width
+
+    def breakpoints(self) -> Floats:
+        marks = [self.shape.breakpoints(self.start, self.end)]
+        marks += [profile.s for profile in self.widths.values() if not profile.is_constant]
+        along = np.concatenate(marks)
+        return along[(along > self.start + SHORTEST) & (along < self.end - SHORTEST)]
+
+    def polyline(self, t_of: tuple[Floats, Floats], s: Floats) -> Floats:
+        """World points `(n, 3)` at `s` and lateral offsets `t_of[0]`."""
+        x, y, heading, _ = self.shape.pose(s)
+        t = t_of[0]
+        return np.stack([x - t * np.sin(heading), -(y + t * np.cos(heading)), self.shape.elevation(s)[0]], axis=1)
+
+
+def change_bits(section: SectionRecord, lane_id: int, along: Floats) -> NDArray[np.uint8]:
+    """Lane changes that the marks allow at distances `along` from the section's start: 1 right, 2 left.
+
+    A missing record counts as both (CARLA). For lanes with positive id the text's "increase" and "decrease" swap
+    sides (reference `carla.md` 3.4).
+    """
+    by_id = {lane.id: lane for lane in section.lanes}
+    own, inner = by_id[lane_id], by_id[lane_id + (-1 if lane_id > 0 else 1)]
+    right_words, left_words = ("both", "increase"), ("both", "decrease")
+    if lane_id > 0:
+        right_words, left_words = left_words, right_words
+
+    def allowed(lane: LaneRecord, words: tuple[str, str]) -> NDArray[np.bool_]:
+        if not lane.marks:
+            return np.ones(len(along), np.bool_)
+        yes = np.array([mark.lane_change in words for mark in lane.marks])
+        if len(yes) == 1 or yes.all() or not yes.any():
+            return np.full(len(along), yes[0])
+        row = np.searchsorted([mark.s for mark in lane.marks], along + 1e-9, side="right") - 1
+        return np.where(row < 0, True, yes[np.maximum(row, 0)])
+
+    return (allowed(own, right_words) * CHANGE_RIGHT + allowed(inner, left_words) * CHANGE_LEFT).astype(np.uint8)
+
+
+@dataclass
+class _Piece:
+    """A lane piece on its way into the table."""
+
+    road: RoadRecord
+    section: int
+    lane: LaneRecord
+    shape: SectionShape
+    points: Floats
+    s: Floats
+    width: Floats
+    length: float
+    change: NDArray[np.uint8]
+
+
+def _measure(section: SectionShape, index: int, lane: LaneRecord, nodes: Floats, heading: Floats) -> _Piece:
+    """Samples the centre line of one lane at equal travelled lengths."""
+    middle = 0.5 * (nodes[1:] + nodes[:-1])
+    t, slope, _ = section.centre(lane.id, middle)
+    speed = np.hypot(1.0 - heading * t, slope)  # du/ds; within a piece of line or arc exact at any point
+    u = np.concatenate([[0.0], np.cumsum(speed * np.diff(nodes))])
+    length = float(u[-1])
+    count = max(1, int(np.ceil(length / STEP - 1e-9)))
+    s = np.interp(np.linspace(0.0, length, count + 1), u, nodes)
+    if lane.id > 0:
+        s = s[::-1].copy()
+    # Records that begin exactly where the section ends belong to the next one.
+    inside = np.minimum(s, section.end - 1e-7)
+    t, slope, width = section.centre(lane.id, inside)
+    x, y, phi, curvature = section.shape.pose(inside)
+    bend = 1.0 - curvature * t
+    yaw = -(phi + np.arctan2(slope, bend))
+    turned = -curvature * bend / np.maximum(bend * bend + slope * slope, 1e-9)
+    if lane.id > 0:
+        yaw, turned = yaw + np.pi, -turned
+    points = np.empty((count + 1, 5))
+    points[:, 0] = x - t * np.sin(phi)
+    points[:, 1] = -(y + t * np.cos(phi))
+    points[:, 2] = section.shape.elevation(inside)[0]
+    points[:, 3] = np.unwrap(yaw)
+    points[:, 4] = turned
+    change = change_bits(section.record, lane.id, inside - section.start)
+    return _Piece(section.shape.road, index, lane, section, points, s, np.maximum(width, 0.0), length, change)
+
+
+def _pieces(network: Network, shapes: dict[int, RoadShape]) -> list[_Piece]:
+    pieces = []
+    for road in network.roads:
+        shape = shapes[road.id]
+        for index in range(len(road.sections)):
+            section = SectionShape(shape, index)
+            if section.end - section.start < SHORTEST:
+                continue
+            count = int(np.ceil((section.end - section.start) / (2.0 * STEP)))
+            nodes = np.linspace(section.start, section.end, count + 1)
+            nodes = np.unique(np.concatenate([nodes, section.breakpoints()]))
+            nodes = nodes[np.concatenate([[True], np.diff(nodes) > 1e-9])]
+            curvature = shape.pose(0.5 * (nodes[1:] + nodes[:-1]))[3]
+            for lane in section.record.lanes:
+                if lane.id != 0:
+                    piece = _measure(section, index, lane, nodes, curvature)
+                    if piece.length > SHORTEST and np.isfinite(piece.points).all():
+                        pieces.append(piece)
+    return pieces
+
+
+def _links(network: Network, pieces: list[_Piece], index: dict[tuple[int, int, int], int]) -> list[tuple[int, int]]:
+    """Pairs (lane, next lane) in the direction of travel, as CARLA's map builder finds them."""
+    roads = {road.id: road for road in network.roads}
+    connections: dict[tuple[int, int], list[tuple[int, str, int]]] = {}
+    for junction in network.junctions:
+        for c in junction.connections:
+            for source, target in c.links:
+                connections.setdefault((c.incoming, source), []).append((c.connecting, c.contact, target))
+    sections: dict[int, list[int]] = {}
+    for piece in pieces:
+        known = sections.setdefault(piece.road.id, [])
+        if not known or known[-1] != piece.section:
+            known.append(piece.section)
+
+    pairs: list[tuple[int, int]] = []
+
+    def enter(lane: int, road: int, lane_id: int, contact: str) -> None:
+        if road not in roads or lane_id == 0 or road not in sections:
+            return
+        # Travel enters at the end where it begins: right-hand lanes at the start, the others at the end.
+        section = sections[road][0 if lane_id < 0 else -1]
+        if contact and contact != ("start" if lane_id < 0 else "end"):
+            return
+        target = index.get((road, section, lane_id))
+        if target is not None and target != lane:
+            pairs.append((lane, target))
+
+    for number, piece in enumerate(pieces):
+        road, lane = piece.road, piece.lane
+        forward = lane.id < 0
+        known = sections[road.id]
+        place = known.index(piece.section) + (1 if forward else -1)
+        next_id = lane.successor if forward else lane.predecessor
+        if 0 <= place < len(known):
+            if next_id:
+                target = index.get((road.id, known[place], next_id))
+                if target is not None and (next_id < 0) == forward:
+                    pairs.append((number, target))
+            continue
+        link = road.successor if forward else road.predecessor
+        if link is None:
+            continue
+        if link.kind == "road":
+            if next_id:
+                enter(number, link.id, next_id, link.contact)
+        else:
+            for connecting, contact, target_id in connections.get((road.id, lane.id), []):
+                enter(number, connecting, target_id, contact)
+    return pairs
+
+
+def _compress(pairs: Sequence[tuple[int, int]], count: int) -> tuple[Ints, Ints]:
+    """(first, second) pairs as compressed rows; order within a row as given."""
+    first = np.zeros(count + 1, np.int32)
+    for row, _ in pairs:
+        first[row + 1] += 1
+    order = sorted(range(len(pairs)), key=lambda k: pairs[k][0])
+    return np.cumsum(first).astype(np.int32), np.array([pairs[k][1] for k in order], np.int32)
+
+
+def _neighbours(
+    pieces: list[_Piece], index: dict[tuple[int, int, int], int], types: Ints
+) -> tuple[Ints, Ints, NDArray[np.bool_], NDArray[np.bool_]]:
+    left, right = np.full(len(pieces), -1, np.int32), np.full(len(pieces), -1, np.int32)
+    change_left, change_right = np.zeros(len(pieces), np.bool_), np.zeros(len(pieces), np.bool_)
+    for number, piece in enumerate(pieces):
+        lane_id = piece.lane.id
+        outward = -1 if lane_id < 0 else 1
+        for side, other_id in ((right, lane_id + outward), (left, lane_id - outward)):
+            other = index.get((piece.road.id, piece.section, other_id)) if other_id != 0 else None
+            if other is not None and types[other] == types[number]:
+                side[number] = other
+        change_right[number] = right[number] >= 0 and np.mean(piece.change & CHANGE_RIGHT > 0) >= 0.5
+        change_left[number] = left[number] >= 0 and np.mean(piece.change & CHANGE_LEFT > 0) >= 0.5
+    return left, right, change_left, change_right
+
+
+def turn_decision(current: Floats, chosen: Floats, others: Sequence[Floats]) -> RoadOption:
+    """Command at a junction, from unit vectors in the world frame.
+
+    Args:
+        current: (2,) direction at the end of the lane before the junction.
+        chosen: (2,) direction at the end of the way through it.
+        others: (2,) chords of the first lanes of the other ways.
+
+    Source: CARLA's GlobalRoutePlanner._turn_decision (0.9.10 to today), reference `carla.md` 3.5.
+    """
+    cross = float(current[0] * chosen[1] - current[1] * chosen[0])
+    deviation = float(np.arccos(np.clip(current @ chosen, -1.0, 1.0)))
+    if deviation < TURN_THRESHOLD:
+        return RoadOption.STRAIGHT
+    crosses = [float(current[0] * other[1] - current[1] * other[0]) for other in others] or [0.0]
+    if cross < min(crosses):
+        return RoadOption.LEFT
+    if cross > max(crosses):
+        return RoadOption.RIGHT
+    return RoadOption.LEFT if cross < 0.0 else RoadOption.RIGHT
+
+
+def _turns(
+    starts: Floats, ends: Floats, junction: Ints, types: Ints, succ: tuple[Ints, Ints], pred: tuple[Ints, Ints]
+) -> NDArray[np.int8]:
+    """Command of each junction lane: that of the way in which it leads on."""
+    turn = np.full(len(junction), int(RoadOption.LANEFOLLOW), np.int8)
+    driving = (types & DRIVABLE) > 0
+
+    def direction(yaw: float) -> Floats:
+        return np.array([np.cos(yaw), np.sin(yaw)])
+
+    for lane in np.flatnonzero((junction >= 0) & driving):
+        before = [p for p in pred[1][pred[0][lane] : pred[0][lane + 1]] if junction[p] < 0 and driving[p]]
+        if not before:
+            continue
+        siblings = [k for k in succ[1][succ[0][before[0]] : succ[0][before[0] + 1]] if k != lane and driving[k]]
+        chords = []
+        for other in siblings:
+            chord = ends[other, :2] - starts[other, :2]
+            chords.append(chord / max(float(np.hypot(*chord)), 1e-9))
+        way, tail = [int(lane)], int(lane)
+        for _ in range(16):  # junctions whose ways are cut into several roads
+            ahead = [k for k in succ[1][succ[0][tail] : succ[0][tail + 1]] if junction[k] >= 0 and driving[k]]
+            if not ahead or ahead[0] in way:
+                break
+            tail = int(ahead[0])
+            way.append(tail)
+        decision = turn_decision(direction(ends[before[0], 3]), direction(ends[tail, 3]), chords)
+        for part in way:
+            if part == lane or turn[part] == RoadOption.LANEFOLLOW:
+                turn[part] = decision
+    return turn
+
+
+def _conflicts(
+    first: Ints, step: Floats, points: Floats, junction: Ints, types: Ints, pairs: Sequence[tuple[int, int]]
+) -> tuple[Ints, Ints, Floats]:
+    """Where driving lanes of a junction sweep the same ground."""
+    before: dict[int, set[int]] = {}
+    chained = set(pairs)
+    for source, target in pairs:
+        before.setdefault(target, set()).add(source)
+    reach = 2.0 * SWEPT_HALF_WIDTH
+    found: list[tuple[int, int]] = []
+    spans: list[tuple[float, float]] = []
+    for number in range(int(junction.max(initial=-1)) + 1):
+        lanes = np.flatnonzero((junction == number) & ((types & int(LaneType.DRIVING)) > 0))
+        rows = [np.arange(first[k], first[k + 1]) for k in lanes]
+        if not rows:
+            continue
+        everything, owner = np.concatenate(rows), np.repeat(np.arange(len(lanes)), [len(r) for r in rows])
+        cloud = points[everything]
+        for a, lane in enumerate(lanes):
+            own = points[rows[a]]
+            near = (own[:, None, 0] - cloud[None, :, 0]) ** 2 + (own[:, None, 1] - cloud[None, :, 1]) ** 2 < reach**2
+            near &= np.abs(own[:, None, 2] - cloud[None, :, 2]) < CLEAR_HEIGHT
+            for b in np.unique(owner[near.any(axis=0)]):
+                other = int(lanes[b])
+                if other == lane or (lane, other) in chained or (other, lane) in chained:
+                    continue
+                if before.get(int(lane), set()) & before.get(other, set()):
+                    continue
+                at = np.flatnonzero(near[:, owner == b].any(axis=1))
+                found.append((int(lane), other))
+                spans.append((float(at[0] * step[lane]), float(at[-1] * step[lane])))
+    order = sorted(range(len(found)), key=lambda k: found[k])
+    first_row, other_lane = _compress([found[k] for k in order], len(junction))
+    return first_row, other_lane, np.array([spans[k] for k in order], np.float64).reshape(-1, 2)
+
+
+DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] CARLA's limit before the first sign
+
+
+def build_lanes(
+    network: Network,
+    shapes: dict[int, RoadShape],
+    junctions: Sequence[JunctionRecord],
+    limits: dict[int, list[tuple[float, tuple[tuple[int, int], ...], float]]],
+) -> LaneTable:
+    """The lanes of a town.
+
+    Args:
+        network: The file's records.
+        shapes: Road shapes by road id.
+        junctions: Junctions in the order in which the table numbers them.
+        limits: Speed signs by road id: (s, lane id ranges, limit [m/s]); empty when the town has none.
+
+    Raises:
+        MapError: no lane has a length.
+    """
+    pieces = _pieces(network, shapes)
+    if not pieces:
+        raise MapError(f"{network.name or 'the map'} has no lane of any length.")
+    count = len(pieces)
+    index = {(p.road.id, p.section, p.lane.id): k for k, p in enumerate(pieces)}
+    number_of = {junction.id: k for k, junction in enumerate(junctions)}
+    types = np.array([int(LANE_TYPES.get(p.lane.kind, LaneType.NONE)) for p in pieces], np.int32)
+    junction = np.array([number_of.get(p.road.junction, -1) for p in pieces], np.int32)
+    sizes = np.array([len(p.points) for p in pieces])
+    first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    points = np.concatenate([p.points for p in pieces])
+    length = np.array([p.length for p in pieces])
+    step = length / (sizes - 1)
+    pairs = [
+        (a, b)
+        for a, b in dict.fromkeys(_links(network, pieces, index))
+        if (types[a] & DRIVABLE and types[b] & DRIVABLE)
+        # Sidewalks and shoulders have no direction of travel; a link that only fits the other way is no link.
+        or (types[a] == types[b] and np.hypot(*(pieces[a].points[-1, :2] - pieces[b].points[0, :2])) < MAX_GAP)
+    ]
+    succ = _compress(pairs, count)
+    pred = _compress([(b, a) for a, b in pairs], count)
+    left, right, change_left, change_right = _neighbours(pieces, index, types)
+    starts, ends = points[first[:-1]], points[first[1:] - 1]
+    conflict_first, conflict, conflict_u = _conflicts(first, step, points, junction, types, pairs)
+    forward = np.array([p.lane.id < 0 for p in pieces])
+    low, high = np.array([p.shape.start for p in pieces]), np.array([p.shape.end for p in pieces])
+    return LaneTable(
+        road_id=np.array([p.road.id for p in pieces], np.int32),
+        section=np.array([p.section for p in pieces], np.int32),
+        lane_id=np.array([p.lane.id for p in pieces], np.int32),
+        type=types,
+        junction=junction,
+        length=length,
+        s_start=np.where(forward, low, high),
+        s_end=np.where(forward, high, low),
+        first=first,
+        step=step,
+        points=points,
+        point_s=np.concatenate([p.s for p in pieces]),
+        width=np.concatenate([p.width for p in pieces]),
+        change=np.concatenate([p.change for p in pieces]),
+        succ_first=succ[0],
+        succ=succ[1],
+        pred_first=pred[0],
+        pred=pred[1],
+        left=left,
+        right=right,
+        change_left=change_left,
+        change_right=change_right,
+        speed_limit=_speed_limits(pieces, pred, length, junction, limits),
+        light=np.full(count, -1, np.int32),  # filled in once the lights are known
+        conflict_first=conflict_first,
+        conflict=conflict,
+        conflict_u=conflict_u,
+        turn=_turns(starts, ends, junction, types, succ, pred),
+    )
+
+
+def _speed_limits(
+    pieces: list[_Piece],
+    pred: tuple[Ints, Ints],
+    length: Floats,
+    junction: Ints,
+    limits: dict[int, list[tuple[float, tuple[tuple[int, int], ...], float]]],
+) -> Floats:
+    """One limit a lane piece: what holds over the longest part of it.
+
+    Signs hold from where they stand until the next one, across lane links (CARLA's sticky signs); where several ways
+    lead in, the lowest limit counts. A town without signs goes by its roads' speed records. Lanes that neither
+    reaches have 30 km/h; junction roads without a record take the limit of what leads in.
+    """
+    count = len(pieces)
+    own = np.full(count, np.nan)  # over the longest part of the lane
+    leaving = np.full(count, np.nan)  # at its end
+    entering_share = np.ones(count)  # part of the lane before its first sign
+    for k, piece in enumerate(pieces):
+        records: list[tuple[float, float]] = []  # (share of the lane travelled, limit)
+        low, high = piece.shape.start, piece.shape.end
+        for s, ranges, limit in limits.get(piece.road.id, []):
+            if low <= s <= high and any(a <= piece.lane.id <= b for a, b in ranges):
+                share = (s - low) / (high - low)
+                records.append((share if piece.lane.id < 0 else 1.0 - share, limit))
+        if not limits:
+            for speed in piece.road.speeds:
+                if speed.s < high and (not records or speed.s <= low):
+                    records = [(0.0, speed.limit)]
+        if records:
+            records.sort()
+            marks = [r[0] for r in records] + [1.0]
+            shares: dict[float, float] = {}
+            for (at, limit), end in zip(records, marks[1:], strict=True):
+                shares[limit] = shares.get(limit, 0.0) + end - at
+            best = max(shares, key=lambda limit: (shares[limit], -limit))
+            entering_share[k], leaving[k] = marks[0], records[-1][1]
+            if shares[best] >= marks[0]:
+                own[k] = best
+    known = ~np.isnan(leaving)
+    arriving = np.full(count, np.nan)
+    for _ in range(count):
+        changed = False
+        for k in range(count):
+            values = [leaving[p] for p in pred[1][pred[0][k] : pred[0][k + 1]] if not np.isnan(leaving[p])]
+            if values and not (arriving[k] <= min(values)):
+                arriving[k] = min(values)
+                changed = True
+                if not known[k]:
+                    leaving[k] = arriving[k]
+        if not changed:
+            break
+    values = np.where(np.isnan(own), arriving, own)
+    return np.where(np.isnan(values), DEFAULT_LIMIT, values)
+
+
+def gaps(lanes: LaneTable) -> Floats:
+    """Distance in plan between the end of each lane and the start of each lane that follows it [m], as `succ`."""
+    source = np.repeat(np.arange(len(lanes)), np.diff(lanes.succ_first))
+    ends, starts = lanes.points[lanes.first[1:] - 1], lanes.points[lanes.first[:-1]]
+    return np.hypot(*(ends[source, :2] - starts[lanes.succ, :2]).T)
+
+
+def kinks(lanes: LaneTable) -> Floats:
+    """Change of heading between each lane and each lane that follows it [rad], as `succ`."""
+    source = np.repeat(np.arange(len(lanes)), np.diff(lanes.succ_first))
+    ends, starts = lanes.points[lanes.first[1:] - 1], lanes.points[lanes.first[:-1]]
+    return np.abs(wrap_angle(ends[source, 3] - starts[lanes.succ, 3]))
+
+
+def count_types(lanes: LaneTable) -> Counter[str]:
+    """Lane pieces by type name."""
+    return Counter(LaneType(int(t)).name or str(int(t)) for t in lanes.type)

@@ -1,0 +1,505 @@
+"""The query API of a town: everything that knows roads asks a `TownMap`."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lavsim.errors import MapError, UnknownName
+from lavsim.map.junction import Junction, build_junction
+from lavsim.map.lane import LaneTable, RoadShape, SectionShape, build_lanes
+from lavsim.map.lane_index import LaneIndex, centre_points
+from lavsim.map.opendrive import Network, RoadMark, read_network, reference_origin
+from lavsim.map.signal import (
+    LightGroup,
+    TrafficLight,
+    build_groups,
+    build_lights,
+    is_stop_line,
+    outline_in_world,
+    speed_signs,
+)
+from lavsim.types import LaneType
+
+if TYPE_CHECKING:
+    from lavsim.map.scenery import Scenery
+
+Floats = NDArray[np.float64]
+
+TOWN_PATH = "LAVSIM_TOWN_PATH"  # environment variable: folders with users' towns
+MARK_SPACING = 1.0  # [m] between the points of a mark line
+DOUBLE_GAP = 0.12  # [m] from the middle of a double line to each of its lines
+
+
+@dataclass(frozen=True, eq=False)
+class MarkLine:
+    """Paint or kerb along a road.
+
+    Attributes:
+        points: (M, 2) polyline in the middle of the paint [m].
+        width: [m].
+        colour: "white" or "yellow" (others as the file says).
+        kind: "solid", "broken" (one polyline; dashes are the drawer's), "curb", "stop" …
+    """
+
+    points: Floats
+    width: float
+    colour: str
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class LaneHits:
+    """Nearest lanes of N points.
+
+    Attributes:
+        lane: (N,) int32; -1 where the town has no such lane or the point is not finite.
+        u: (N,) place on the lane [m travelled].
+        s: (N,) OpenDRIVE s of it [m].
+        distance: (N,) to the lane's centre line [m]; in 3D when the points have z.
+        offset: (N,) lateral, right of the direction of travel positive [m].
+        width: (N,) lane width there [m].
+        yaw: (N,) direction of travel there [rad, not wrapped].
+        points: (N, 3) the place itself [m].
+    """
+
+    lane: NDArray[np.int32]
+    u: Floats
+    s: Floats
+    distance: Floats
+    offset: Floats
+    width: Floats
+    yaw: Floats
+    points: Floats
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """(N,) whether the point lies between the lane's edges."""
+        return (self.lane >= 0) & (self.distance <= self.width / 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TownMap:
+    """A town. Immutable; what is costly is worked out on first use.
+
+    Attributes:
+        name: As it was loaded.
+        digest: First 16 hex digits of the file's SHA-256.
+        lanes: All lanes.
+        junctions: As `LaneTable.junction` numbers them.
+        lights: Traffic lights as snapshots number them.
+        light_groups: Which lights take turns.
+        crosswalks: Polygons (M, 2) [m].
+        geo_reference: Latitude and longitude of the origin [deg].
+        xodr: The file's text.
+        network: The file's records.
+    """
+
+    name: str
+    digest: str
+    lanes: LaneTable
+    junctions: tuple[Junction, ...]
+    lights: tuple[TrafficLight, ...]
+    light_groups: tuple[LightGroup, ...]
+    crosswalks: tuple[Floats, ...]
+    geo_reference: tuple[float, float]
+    xodr: str = field(repr=False)
+    network: Network = field(repr=False)
+    shapes: dict[int, RoadShape] = field(repr=False)
+
+    def __repr__(self) -> str:
+        return f"TownMap({self.name!r}, {len(self.lanes)} lanes, {len(self.lights)} lights)"
+
+    @cached_property
+    def bounds(self) -> Floats:
+        """x0, y0, x1, y1 of all lanes with their widths [m]."""
+        low = (self.lanes.points[:, :2] - self.lanes.width[:, None] / 2.0).min(axis=0)
+        high = (self.lanes.points[:, :2] + self.lanes.width[:, None] / 2.0).max(axis=0)
+        return np.concatenate([low, high])
+
+    @cached_property
+    def _indexes(self) -> dict[int, LaneIndex]:
+        return {}
+
+    def index(self, types: int = LaneType.DRIVING) -> LaneIndex:
+        """Search structure over the lanes of `types`; made on first use."""
+        key = int(types)
+        if key not in self._indexes:
+            self._indexes[key] = LaneIndex.build(self.lanes, key)
+        return self._indexes[key]
+
+    def nearest(self, points: ArrayLike, types: int = LaneType.DRIVING) -> LaneHits:
+        """The nearest lane centre of each of `points` (N, 2) or (N, 3), in 3D if z is given.
+
+        Where lanes overlap (junctions) and lie equally near, the one first in the table is given.
+        """
+        where = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        lane, u, s, distance, offset, width, yaw, on_lane = self.index(types).search(self.lanes, where)
+        return LaneHits(lane, u, s, distance, offset, width, yaw, on_lane)
+
+    def waypoint(self, point: ArrayLike, types: int = LaneType.DRIVING) -> Waypoint:
+        """The waypoint nearest to `point` (2,) or (3,).
+
+        Raises:
+            MapError: the town has no lane of `types`, or the point is not finite.
+        """
+        hits = self.nearest(np.asarray(point, dtype=np.float64)[None], types)
+        if hits.lane[0] < 0:
+            raise MapError(f"{self.name} has no lane of the types asked for near {np.asarray(point).tolist()}.")
+        return Waypoint(self, int(hits.lane[0]), float(hits.u[0]))
+
+    def waypoint_at(self, lane: int, u: float) -> Waypoint:
+        """The waypoint after travelling `u` metres on `lane`."""
+        return Waypoint(self, int(lane), float(min(max(u, 0.0), self.lanes.length[lane])))
+
+    def waypoint_xodr(self, road_id: int, lane_id: int, s: float) -> Waypoint | None:
+        """The waypoint at file coordinates; None where the road has no such lane there (CARLA)."""
+        shape = self.shapes.get(road_id)
+        if shape is None or not 0.0 <= s < shape.road.length:
+            return None
+        section = int(np.searchsorted(shape.section_s[:-1], s, side="right")) - 1
+        lane = self._lane_of.get((road_id, section, lane_id))
+        return None if lane is None else Waypoint(self, lane, self.lanes.u_of_s(lane, s))
+
+    def centre(self, lane: ArrayLike, u: ArrayLike) -> Floats:
+        """x, y, z, yaw, curvature (N, 5) of lane centres at `lane` (N,), `u` (N,); u is clamped to the lane."""
+        lane = np.atleast_1d(np.asarray(lane, dtype=np.int32))
+        u = np.atleast_1d(np.asarray(u, dtype=np.float64))
+        lane, u = np.broadcast_arrays(lane, u)
+        t = self.lanes
+        return centre_points(t.points, t.first, t.step, np.ascontiguousarray(lane), np.ascontiguousarray(u))
+
+    def exact(self, lane: int, s: float) -> tuple[float, float, float, float, float]:
+        """x, y, z, yaw of a lane's centre and its width at OpenDRIVE `s`, from the file's own curves."""
+        section = self._section(int(self.lanes.road_id[lane]), int(self.lanes.section[lane]))
+        at = np.array([min(max(s, section.start), section.end - 1e-7)])
+        lane_id = int(self.lanes.lane_id[lane])
+        t, slope, width = section.centre(lane_id, at)
+        x, y, heading, curvature = section.shape.pose(at)
+        yaw = -(heading + np.arctan2(slope, 1.0 - curvature * t)) + (np.pi if lane_id > 0 else 0.0)
+        x, y = x - t * np.sin(heading), -(y + t * np.cos(heading))
+        z = section.shape.elevation(at)[0]
+        return float(x[0]), float(y[0]), float(z[0]), float(yaw[0]), max(float(width[0]), 0.0)
+
+    def lane_polygon(self, lane: int) -> Floats:
+        """Outline (M, 2) of a lane: its left edge in the direction of travel, then its right edge back."""
+        points, half = self.lanes.centre_line(lane), self.lanes.width[self.lanes.rows(lane), None] / 2.0
+        aside = np.stack([-np.sin(points[:, 3]), np.cos(points[:, 3])], axis=1) * half
+        return np.concatenate([points[:, :2] - aside, (points[:, :2] + aside)[::-1]])
+
+    @cached_property
+    def _lane_of(self) -> dict[tuple[int, int, int], int]:
+        t = self.lanes
+        keys = zip(t.road_id.tolist(), t.section.tolist(), t.lane_id.tolist(), strict=True)
+        return {key: lane for lane, key in enumerate(keys)}
+
+    def lane_index(self, road_id: int, section: int, lane_id: int) -> int:
+        """Row of a lane in the table.
+
+        Raises:
+            MapError: there is no such lane.
+        """
+        lane = self._lane_of.get((int(road_id), int(section), int(lane_id)))
+        if lane is None:
+            raise MapError(f"{self.name} has no lane {lane_id} in section {section} of road {road_id}.")
+        return lane
+
+    @cached_property
+    def _sections(self) -> dict[tuple[int, int], SectionShape]:
+        return {}
+
+    def _section(self, road_id: int, section: int) -> SectionShape:
+        key = (road_id, section)
+        if key not in self._sections:
+            self._sections[key] = SectionShape(self.shapes[road_id], section)
+        return self._sections[key]
+
+    @cached_property
+    def marks(self) -> tuple[MarkLine, ...]:
+        """Paint and kerbs, from lane marks and stop-line objects."""
+        lines: list[MarkLine] = []
+        for road in self.network.roads:
+            for index in range(len(road.sections)):
+                section = self._section(road.id, index)
+                for lane in section.record.lanes:
+                    lines += _mark_lines(section, lane.id, lane.marks)
+            for thing in road.objects:
+                if is_stop_line(thing):
+                    lines.append(_stop_mark(outline_in_world(thing, self.shapes[road.id])))
+        return tuple(lines)
+
+    @cached_property
+    def scenery(self) -> Scenery:
+        """Buildings, poles and trees; the same for the same file."""
+        from lavsim.map.scenery import build_scenery
+
+        return build_scenery(self)
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A place on a lane: `u` metres after where traffic enters it. CARLA's waypoint semantics."""
+
+    town: TownMap = field(repr=False, compare=False)
+    lane: int
+    u: float
+
+    @cached_property
+    def s(self) -> float:
+        """OpenDRIVE s [m]."""
+        return self.town.lanes.s_of_u(self.lane, self.u)
+
+    @cached_property
+    def _pose(self) -> tuple[float, float, float, float, float]:
+        return self.town.exact(self.lane, self.s)
+
+    @property
+    def x(self) -> float:
+        return self._pose[0]
+
+    @property
+    def y(self) -> float:
+        return self._pose[1]
+
+    @property
+    def z(self) -> float:
+        return self._pose[2]
+
+    @property
+    def yaw(self) -> float:
+        """Direction of travel [rad], not wrapped."""
+        return self._pose[3]
+
+    @property
+    def width(self) -> float:
+        return self._pose[4]
+
+    @property
+    def xy(self) -> Floats:
+        return np.array(self._pose[:2])
+
+    @property
+    def xyz(self) -> Floats:
+        return np.array(self._pose[:3])
+
+    @property
+    def curvature(self) -> float:
+        """[1/m], positive to the right."""
+        return float(self.town.centre(self.lane, self.u)[0, 4])
+
+    @property
+    def road_id(self) -> int:
+        return int(self.town.lanes.road_id[self.lane])
+
+    @property
+    def section_id(self) -> int:
+        return int(self.town.lanes.section[self.lane])
+
+    @property
+    def lane_id(self) -> int:
+        return int(self.town.lanes.lane_id[self.lane])
+
+    @property
+    def lane_type(self) -> LaneType:
+        return LaneType(int(self.town.lanes.type[self.lane]))
+
+    @property
+    def junction(self) -> int:
+        """Index of its junction, or -1."""
+        return int(self.town.lanes.junction[self.lane])
+
+    @property
+    def is_junction(self) -> bool:
+        return self.junction >= 0
+
+    @property
+    def speed_limit(self) -> float:
+        """[m/s]"""
+        return float(self.town.lanes.speed_limit[self.lane])
+
+    def next(self, distance: float) -> list[Waypoint]:
+        """Waypoints `distance` metres of s ahead, one for each branch; none past a dead end."""
+        return self._step(distance, ahead=True)
+
+    def previous(self, distance: float) -> list[Waypoint]:
+        """Waypoints `distance` metres of s behind, one for each branch."""
+        return self._step(distance, ahead=False)
+
+    def _step(self, distance: float, ahead: bool) -> list[Waypoint]:
+        if not distance > 0.0:
+            raise ValueError(f"distance must be positive [m], got {distance}.")
+        lanes = self.town.lanes
+        found: list[Waypoint] = []
+        open_ends = [(self.lane, self.s, distance)]
+        while open_ends:
+            lane, s, rest = open_ends.pop(0)
+            border = float(lanes.s_end[lane] if ahead else lanes.s_start[lane])
+            left = abs(border - s)
+            if rest <= left:
+                at = s + np.sign(border - s) * rest
+                found.append(Waypoint(self.town, lane, lanes.u_of_s(lane, float(at))))
+                continue
+            for branch in lanes.successors(lane) if ahead else lanes.predecessors(lane):
+                start = float(lanes.s_start[branch] if ahead else lanes.s_end[branch])
+                if len(found) + len(open_ends) < 512:  # a web of tiny lanes must not grow without bound
+                    open_ends.append((int(branch), start, rest - left))
+        return found
+
+    def ahead(self, distance: float) -> Waypoint:
+        """`distance` metres ahead along first branches; the end of the lane at a dead end; itself for 0."""
+        if distance <= 0.0:
+            return self
+        lanes, lane, u = self.town.lanes, self.lane, self.u + distance
+        while u > lanes.length[lane]:
+            following = lanes.successors(lane)
+            if not len(following):
+                return Waypoint(self.town, lane, float(lanes.length[lane]))
+            u -= float(lanes.length[lane])
+            lane = int(following[0])
+        return Waypoint(self.town, lane, float(u))
+
+    def left(self) -> Waypoint | None:
+        """The lane to the left at the same s, of any type or direction; None at the edge."""
+        lane_id = self.lane_id
+        if abs(lane_id) == 1:
+            return self._beside(-lane_id)
+        return self._beside(lane_id - 1 if lane_id > 0 else lane_id + 1)
+
+    def right(self) -> Waypoint | None:
+        """The lane to the right at the same s, of any type; None at the edge."""
+        return self._beside(self.lane_id + 1 if self.lane_id > 0 else self.lane_id - 1)
+
+    def _beside(self, lane_id: int) -> Waypoint | None:
+        lane = self.town._lane_of.get((self.road_id, self.section_id, lane_id))
+        return None if lane is None else Waypoint(self.town, lane, self.town.lanes.u_of_s(lane, self.s))
+
+
+def _mark_lines(section: SectionShape, lane_id: int, marks: Sequence[RoadMark]) -> list[MarkLine]:
+    lines: list[MarkLine] = []
+    span: tuple[float, float, RoadMark] | None = None
+    pieces: list[tuple[float, float, RoadMark]] = []
+    for k, mark in enumerate(marks):
+        low = section.start + mark.s
+        high = section.start + marks[k + 1].s if k + 1 < len(marks) else section.end
+        high = min(high, section.end)
+        if high - low < 1e-3:
+            continue
+        same = span is not None and replace(span[2], s=0.0) == replace(mark, s=0.0)
+        if span is not None and same and abs(span[1] - low) < 1e-6:
+            span = (span[0], high, span[2])
+            pieces[-1] = span
+        else:
+            span = (low, high, mark)
+            pieces.append(span)
+    for low, high, mark in pieces:
+        if mark.kind in ("none", "", "grass"):
+            continue
+        s = np.linspace(low, min(high, section.end - 1e-7), max(2, int(np.ceil((high - low) / MARK_SPACING)) + 1))
+        t, slope = section.edge(lane_id, s)
+        colour = "white" if mark.colour == "standard" else mark.colour
+        words = mark.kind.split()
+        kinds = [(words[0], 0.0)] if len(words) == 1 else [(words[0], DOUBLE_GAP), (words[1], -DOUBLE_GAP)]
+        for kind, aside in kinds:
+            points = section.polyline((t + aside, slope), s)[:, :2]
+            lines.append(MarkLine(points, mark.width or 0.12, colour, kind))
+    return lines
+
+
+def _stop_mark(corners: Floats) -> MarkLine:
+    """A painted bar as a line along its long side."""
+    centre = corners.mean(axis=0)
+    _, _, axes = np.linalg.svd(corners - centre)
+    local = (corners - centre) @ axes.T
+    low, high = local.min(axis=0), local.max(axis=0)
+    ends = np.stack([centre + axes[0] * low[0], centre + axes[0] * high[0]])
+    return MarkLine(ends, float(max(high[1] - low[1], 0.1)), "white", "stop")
+
+
+def build_town(name: str, data: bytes, source: str | None = None) -> TownMap:
+    """A town from OpenDRIVE text.
+
+    Args:
+        name: What it is called.
+        data: The file's bytes.
+        source: What messages call it; its name by default.
+
+    Raises:
+        MapError: with file and line.
+    """
+    network = read_network(data, source or name)
+    shapes = {road.id: RoadShape(road) for road in network.roads}
+    for road in network.roads:
+        for reference in (road.predecessor, road.successor):
+            if reference is not None and reference.kind == "road" and reference.id not in shapes:
+                raise MapError(f"{source or name}: road {road.id} is linked to road {reference.id}, which is missing.")
+    lanes = build_lanes(network, shapes, network.junctions, speed_signs(network))
+    lights, governing = build_lights(network, shapes, lanes)
+    lanes = replace(lanes, light=governing)
+    junctions = tuple(build_junction(k, record, lanes) for k, record in enumerate(network.junctions))
+    crosswalks = tuple(
+        outline_in_world(thing, shapes[road.id])
+        for road in network.roads
+        for thing in road.objects
+        if thing.kind == "crosswalk"
+    )
+    return TownMap(
+        name=name,
+        digest=hashlib.sha256(data).hexdigest()[:16],
+        lanes=lanes,
+        junctions=junctions,
+        lights=lights,
+        light_groups=build_groups(network, network.junctions, lights),
+        crosswalks=crosswalks,
+        geo_reference=reference_origin(network.geo_reference),
+        xodr=data.decode("utf-8", errors="replace"),
+        network=network,
+        shapes=shapes,
+    )
+
+
+def _town_files(search_path: Sequence[Path]) -> dict[str, Path]:
+    folders = [Path(str(resources.files("lavsim.towns"))), *map(Path, search_path)]
+    folders += [Path(p) for p in os.environ.get(TOWN_PATH, "").split(os.pathsep) if p]
+    found: dict[str, Path] = {}
+    for folder in folders:
+        if folder.is_dir():
+            for path in sorted(folder.glob("*.xodr")):
+                found.setdefault(path.stem, path)
+    return found
+
+
+def town_names(search_path: Sequence[Path] = ()) -> list[str]:
+    """Names of the towns that `load_town` finds: bundled ones, then those of `search_path` and the environment."""
+    return sorted(_town_files(search_path))
+
+
+def load_town(name: str, search_path: Sequence[Path] = ()) -> TownMap:
+    """The town called `name`: bundled, or `<name>.xodr` in a folder of `search_path` or of `LAVSIM_TOWN_PATH`.
+
+    Raises:
+        UnknownName: there is none; the message names the nearest.
+        MapError: the file can't be read as a road network.
+    """
+    files = _town_files(search_path)
+    if name not in files:
+        raise UnknownName("town", name, files)
+    path = files[name].resolve()
+    return _load(name, path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _load(name: str, path: Path, modified: int) -> TownMap:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise MapError(f"{path}: {error.strerror or error}.") from None
+    return build_town(name, data, str(path))
