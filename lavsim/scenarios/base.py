@@ -19,8 +19,8 @@ from lavsim.world.blueprints import find_blueprint
 from lavsim.world.world import Actor, World
 
 if TYPE_CHECKING:
-    from lavsim.map.town_map import Waypoint
     from lavsim.map.route import Route
+    from lavsim.map.town_map import Waypoint
 
 Script = Generator[None, None, None]
 
