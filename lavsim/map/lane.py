@@ -400,12 +400,12 @@ def _links(network: Network, pieces: list[_Piece], index: dict[tuple[int, int, i
         forward = lane.id < 0
         known = sections[road.id]
         place = known.index(piece.section) + (1 if forward else -1)
-        next_id = lane.successor if forward else lane.predecessor
+        next_id = (lane.successor if forward else lane.predecessor) or 0
         if 0 <= place < len(known):
             if next_id:
-                target = index.get((road.id, known[place], next_id))
-                if target is not None and (next_id < 0) == forward:
-                    pairs.append((number, target))
+                following = index.get((road.id, known[place], next_id))
+                if following is not None and (next_id < 0) == forward:
+                    pairs.append((number, following))
             continue
         link = road.successor if forward else road.predecessor
         if link is None:
@@ -414,8 +414,8 @@ def _links(network: Network, pieces: list[_Piece], index: dict[tuple[int, int, i
             if next_id:
                 enter(number, link.id, next_id, link.contact)
         else:
-            for connecting, contact, target_id in connections.get((road.id, lane.id), []):
-                enter(number, connecting, target_id, contact)
+            for connecting, contact, entered in connections.get((road.id, lane.id), []):
+                enter(number, connecting, entered, contact)
     return pairs
 
 
@@ -666,8 +666,8 @@ def _speed_limits(
                     leaving[k] = arriving[k]
         if not changed:
             break
-    values = np.where(np.isnan(own), arriving, own)
-    return np.where(np.isnan(values), DEFAULT_LIMIT, values)
+    limit_of = np.where(np.isnan(own), arriving, own)
+    return np.where(np.isnan(limit_of), DEFAULT_LIMIT, limit_of)
 
 
 def gaps(lanes: LaneTable) -> Floats:

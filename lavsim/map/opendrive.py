@@ -13,6 +13,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from lxml import etree
@@ -356,13 +357,13 @@ class _Reader:
         sections = tuple(self.section(e) for e in lanes.iterfind("laneSection")) if lanes is not None else ()
         if not sections:
             raise self.fail(element, f"road {element.get('id')} has no lane section")
-        if any(b.s < a.s for a, b in zip(sections, sections[1:], strict=False)):
+        if any(b.s < a.s for a, b in pairwise(sections)):
             raise self.fail(lanes, f"road {element.get('id')}: lane sections must come in order of s")
         plan = element.find("planView")
         geometry = tuple(self.geometry(e) for e in plan.iterfind("geometry")) if plan is not None else ()
         if not geometry:
             raise self.fail(element, f"road {element.get('id')} has no geometry")
-        if any(b.s < a.s for a, b in zip(geometry, geometry[1:], strict=False)):
+        if any(b.s < a.s for a, b in pairwise(geometry)):
             raise self.fail(plan, f"road {element.get('id')}: geometries must come in order of s")
         link, objects, signals = element.find("link"), element.find("objects"), element.find("signals")
         self._skip(element, _KNOWN_CHILDREN["road"])
@@ -516,7 +517,7 @@ class _Reader:
         kind = element.get("type") or "default"
         if kind != "default":
             raise self.fail(element, f"junction type {kind[:40]!r} is not supported yet")
-        connections = []
+        connections: list[ConnectionRecord] = []
         for e in element.iterfind("connection"):
             contact = e.get("contactPoint") or ""
             if contact not in ("start", "end"):

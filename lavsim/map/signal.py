@@ -301,7 +301,8 @@ def build_groups(
     """Which lights take turns. A light that no junction's controller holds is a group of its own."""
     by_signal = {light.signal_id: light.index for light in lights}
     controllers = {c.id: c for c in network.controllers}
-    groups, taken = [], set()
+    groups: list[LightGroup] = []
+    taken: set[int] = set()
     for number, junction in enumerate(junctions):
         phases = []
         for controller in junction.controllers:
