@@ -48,6 +48,9 @@ class Contacts:
         return len(self.rows)
 
 
+NO_CONTACTS = Contacts(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros((0, 2)))
+
+
 class Physics:
     """Bodies of all actors and the town's solid walls.
 
@@ -88,6 +91,7 @@ class Physics:
         body = self._bodies.pop(row)
         self._space.remove(body, *body.shapes)
         del self._row_of_body[body.id]
+        self._unsettled = self._unsettled[self._unsettled != row]
         self._order = None
 
     def step(
@@ -110,19 +114,17 @@ class Physics:
         pymunk.batch.set_space_bodies(self._space, _STATE_FIELDS, self._buffer)
         self._space.step(DT)
         contacts = self._contacts()
-        touched = np.unique(contacts.rows[contacts.rows >= 0]) if len(contacts) else np.zeros(0, dtype=np.int64)
-        decided = np.union1d(touched, self._unsettled)  # for one more tick overlapping bodies are pushed apart
-        pose_after = pose[decided]
+        touched = np.unique(contacts.rows[contacts.rows >= 0])
+        decided = np.union1d(touched, self._unsettled) if len(touched) + len(self._unsettled) else touched
+        pose += move
         if len(decided):
             output = pymunk.batch.Buffer()
             pymunk.batch.get_space_bodies(self._space, _STATE_FIELDS, output)
             result = np.frombuffer(output.float_buf(), dtype=np.float64).reshape(-1, 6)
             where = np.flatnonzero(np.isin(order, decided))
             where = where[np.argsort(order[where])]
-            pose_after, velocity[decided] = result[where, :3], result[where, 3:]
-        pose += move
-        pose[decided] = pose_after
-        self._unsettled = touched
+            pose[decided], velocity[decided] = result[where, :3], result[where, 3:]
+        self._unsettled = touched  # for one more tick the engine pushes overlapping bodies apart
         return decided, contacts
 
     def _space_order(self) -> NDArray[np.int64]:
@@ -138,9 +140,11 @@ class Physics:
         found = pymunk.batch.Buffer()
         pymunk.batch.get_space_arbiters(self._space, _CONTACT_FIELDS, found)
         pairs = np.frombuffer(found.int_buf(), dtype=np.uintp).reshape(-1, 2)
+        if not len(pairs):
+            return NO_CONTACTS
         values = np.frombuffer(found.float_buf(), dtype=np.float64).reshape(-1, 4)
         rows = np.array([[self._row_of_body.get(int(b), -1) for b in pair] for pair in pairs], dtype=np.int64)
-        rows = np.sort(rows.reshape(-1, 2), axis=1)[:, ::1]
+        rows = np.sort(rows, axis=1)
         rows = np.where(rows[:, :1] < 0, rows[:, ::-1], rows)  # the static world second
         order = np.lexsort((rows[:, 1], rows[:, 0]))
         impulse = np.hypot(values[:, 0], values[:, 1])

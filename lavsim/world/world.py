@@ -13,7 +13,7 @@ from lavsim.errors import ScenarioError
 from lavsim.types import DT, ActorClass, Control, Role, VehicleLight
 from lavsim.world.blueprints import Blueprint
 from lavsim.world.dynamics import DRIVEN, GONE, REAR_LENGTH, RESTING, WALKING, integrate, speed_after, steer_curvature
-from lavsim.world.physics import Contacts, Physics
+from lavsim.world.physics import NO_CONTACTS, Physics
 from lavsim.world.proximity import box_distance, boxes_overlap
 from lavsim.world.snapshot import (
     CONTACT_DTYPE,
@@ -102,7 +102,7 @@ class World:
         self.count = 0
         self.tick = 0
         self._physics = Physics(walls)
-        self._contacts = Contacts(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros((0, 2)))
+        self._contacts = NO_CONTACTS
         self._rear = np.zeros(0)
         self._gait = np.zeros(0)
         self.present = np.zeros(0, dtype=bool)
