@@ -204,3 +204,23 @@ def _import_file(source: AgentSource) -> ModuleType:
 def _nearest(name: str, known: Iterable[str]) -> str:
     near = difflib.get_close_matches(name, sorted(set(known)), n=1, cutoff=0.4)
     return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def packaged_agents() -> list[tuple[str, str]]:
+    """Targets and one-line summaries of the agents in the package `agents`, read from their source."""
+    spec = importlib.util.find_spec("agents")
+    found: list[tuple[str, str]] = []
+    for folder in (spec.submodule_search_locations or []) if spec is not None else []:
+        for module in sorted(pkgutil.iter_modules([folder]), key=lambda m: m.name):
+            path = Path(folder) / module.name
+            file = path / "agent.py" if module.ispkg else path.with_suffix(".py")
+            if not file.is_file():
+                continue
+            for node in ast.parse(file.read_text(encoding="utf-8")).body:
+                is_agent = isinstance(node, ast.ClassDef) and any(
+                    isinstance(part, ast.FunctionDef) and part.name == "run_step" for part in node.body
+                )
+                if isinstance(node, ast.ClassDef) and is_agent:
+                    summary = (ast.get_docstring(node) or "").split("\n")[0]
+                    found.append((f"agents.{module.name}:{node.name}", summary))
+    return found

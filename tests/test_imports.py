@@ -47,7 +47,7 @@ def modules(package: str) -> Iterator[tuple[str, Path]]:
 
 
 def imports(path: Path, module: str) -> Iterator[tuple[str, bool]]:
-    """Dotted names that `path` imports, and whether that happens when it is imported (not in a function or for types)."""
+    """Dotted names that `path` imports, and whether at its own import (not in a function, not for types)."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     waiting: list[tuple[ast.AST, bool]] = [(tree, True)]
     while waiting:

@@ -1,1 +1,5 @@
-"""The behaviour agent: a rule-based expert on privileged state."""
+"""The behaviour agent: an expert on privileged state, rule-based."""
+
+from agents.behavior.agent import BehaviorAgent, get_entry_point
+
+__all__ = ["BehaviorAgent", "get_entry_point"]

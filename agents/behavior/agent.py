@@ -1,0 +1,156 @@
+"""The expert: drives its path by what it knows about everybody (`sensor.lavsim.truth`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from agents.behavior.control import Controller
+from agents.behavior.forecast import Forecaster
+from agents.behavior.hazards import Ego, Meeting, kerb_speed, meetings
+from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
+from agents.behavior.road import StopPoint, TrackBook, limits_along, stop_points
+from agents.behavior.speed import Manner, speed_profile, stopping, towards
+from lavsim.agent import Agent, Track
+from lavsim.map.town_map import TownMap, load_town
+from lavsim.types import Control, LightState, RoadOption
+
+RADIUS = 100.0  # [m] around the ego that it is told about
+LINE_GAP = 0.8  # [m] between bumper and stop line
+YELLOW_BRAKING = 3.0  # [m/s²] it stops at yellow if that much suffices
+OVER_LINE = 1.2  # [m] over a stop line at which it still stops for red: the rear decides
+JUNCTION_OPTIONS = (RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT)
+DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] without a map
+SAME_LEVEL = 3.0  # [m] actors farther apart in z don't meet
+PATIENCE = 20.0  # [s] of standing for others after which it takes the smallest gaps
+
+
+def get_entry_point() -> str:
+    """The class the leaderboard runs."""
+    return "BehaviorAgent"
+
+
+class BehaviorAgent(Agent):
+    """Keeps lanes, turns, stops for lights, vehicles and walkers; on `Track.PRIVILEGED`."""
+
+    def setup(self, path_to_conf_file: str | None) -> None:
+        self.track = Track.PRIVILEGED
+        self._expert: Expert | None = None
+        self._dense: list[tuple[Any, Any]] = []
+
+    def sensors(self) -> list[dict[str, Any]]:
+        return [{"type": "sensor.lavsim.truth", "id": "truth", "radius": RADIUS}]
+
+    def set_global_plan(
+        self, global_plan_gps: list[tuple[dict[str, float], Any]], global_plan_world_coord: list[tuple[Any, Any]]
+    ) -> None:
+        """Keeps the thinned plan as every agent, and the dense one to drive by."""
+        super().set_global_plan(global_plan_gps, global_plan_world_coord)
+        self._dense = global_plan_world_coord
+
+    def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
+        truth = input_data["truth"][1]
+        if self._expert is None:
+            self._expert = Expert(path_of_plan(self._dense), load_town(truth["town"]))
+        return self._expert.drive(truth)
+
+
+class Expert:
+    """Drives one path.
+
+    Args:
+        path: What to drive.
+        town: The town's map; without it there are no stop lines and no lanes of others.
+        manner: How to drive.
+    """
+
+    def __init__(self, path: ReferencePath, town: TownMap | None, manner: Manner | None = None) -> None:
+        self.path = path
+        self.manner = manner or Manner()
+        limits = limits_along(path, town) if town is not None else np.full(len(path), DEFAULT_LIMIT)
+        self.profile = speed_profile(path, limits, self.manner)
+        self.stops: list[StopPoint] = stop_points(path, town) if town is not None else []
+        self.junctions = path.spans(JUNCTION_OPTIONS)
+        self._tracker = PathTracker(path)
+        self._forecaster = Forecaster(TrackBook(town) if town is not None else None)
+        self._controller = Controller()
+        self._goes: set[int] = set()  # stop lines it decided to cross at yellow
+        self._waiting = 0.0  # [s] it has stood for others
+        self._time = -math.inf
+        self.reason = ""  # what held it back last: for pictures and debugging
+
+    def drive(self, truth: Mapping[str, Any]) -> Control:
+        """The control for one tick of truth."""
+        xyz, yaw = truth["xyz"], truth["yaw"]
+        x, y = float(xyz[0, 0]), float(xyz[0, 1])
+        s, offset = self._tracker.update(x, y)
+        speed = max(float(truth["ego_speed"]), 0.0)
+        half = truth["sizes"][0] / 2.0
+        ahead = s + 0.5 * speed
+        wanted = self.path.at(self.profile, ahead + 0.5)
+        ego = Ego(s, x, y, float(yaw[0]), speed, max(wanted, 1.0), float(half[0]), float(half[1]))
+
+        near = (np.abs(xyz[:, 2] - xyz[0, 2]) < SAME_LEVEL) & (np.arange(len(xyz)) > 0)
+        forecast = self._forecaster.update(truth, np.flatnonzero(near))
+        kerb = kerb_speed(self.path, ego, forecast)
+        slope = (wanted - self.path.at(self.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
+        bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), self.manner))]
+        met = meetings(self.path, ego, forecast, self.manner, self._patience(truth, speed))
+        bounds += [(f"actor {int(truth['ids'][m.row])}", m.acceleration) for m in met]
+        bounds.append(("light", self._lights(ego, truth["lights"])))
+        bounds.append(("junction", self._junction(ego, met)))
+        bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner)))
+        self.reason, acceleration = min(bounds, key=lambda bound: bound[1])
+        return self._controller.command(self.path, s, offset, ego.yaw, speed, acceleration)
+
+    def _patience(self, truth: Mapping[str, Any], speed: float) -> float:
+        """1 at first, down to 0 while it stands for other road users."""
+        time = float(truth["time"])
+        dt = min(max(time - self._time, 0.0), 0.5)
+        self._time = time
+        stands = speed < 0.3 and self.reason.startswith("actor")
+        self._waiting = self._waiting + dt if stands else max(0.0, self._waiting - 4.0 * dt)
+        return 1.0 - min(self._waiting / PATIENCE, 1.0)
+
+    def _lights(self, ego: Ego, lights: Any) -> float:
+        """Acceleration that the lights ahead leave [m/s²]."""
+        lowest = math.inf
+        for number, stop in enumerate(self.stops):
+            room = stop.s - ego.s - ego.half_length
+            if room < -OVER_LINE - 1.0:
+                continue
+            if room > 60.0:
+                break
+            state = int(lights[stop.light])
+            if state == LightState.GREEN:
+                self._goes.discard(number)
+                continue
+            if state == LightState.YELLOW:
+                if ego.speed**2 > 2.0 * YELLOW_BRAKING * max(room - LINE_GAP, 0.01):
+                    self._goes.add(number)
+                if number in self._goes:
+                    continue
+            elif state != LightState.RED or room < -OVER_LINE:
+                continue
+            lowest = min(lowest, stopping(ego.speed, room - LINE_GAP, self.manner))
+        return lowest
+
+    def _junction(self, ego: Ego, met: list[Meeting]) -> float:
+        """Acceleration that keeps it out of a junction it could not leave [m/s²]."""
+        front = ego.s + ego.half_length
+        for begin, end in self.junctions:
+            room = begin - front
+            if room < 0.0:
+                continue
+            if room > 40.0:
+                break
+            for meeting in met:
+                rear = meeting.stop - ego.half_length
+                if meeting.stop + ego.half_length > begin and rear < end + 0.5:
+                    distance = room - 0.5
+                    if ego.speed**2 <= 2.0 * 4.0 * max(distance, 0.3):
+                        return stopping(ego.speed, distance, self.manner)
+        return math.inf

@@ -1,0 +1,89 @@
+"""From a wanted path and acceleration to pedals and wheel: the inverse of the vehicle's fitted model."""
+
+from __future__ import annotations
+
+import math
+
+from agents.behavior.path import ReferencePath
+from lavsim.kernel import kernel
+from lavsim.types import DT, Control
+from lavsim.world.dynamics import (
+    COAST_DECELERATION,
+    FRONT_LENGTH,
+    MAX_WHEEL_ANGLE,
+    REAR_LENGTH,
+    THROTTLE_DEAD_BAND,
+    brake_deceleration,
+    throttle_acceleration,
+)
+
+MAX_THROTTLE = 0.75  # CARLA's usual cap
+OFFSET_GAIN = 1.0  # [1/s]
+SOFT_SPEED = 2.5  # [m/s] keeps the correction mild at walking pace
+STEER_RATE = 0.16  # a tick: full lock takes 0.3 s
+JERK = 12.0  # [m/s³] for what was foreseen; emergencies are not smoothed
+EMERGENCY = -4.0  # [m/s²]
+
+
+class Controller:
+    """Holds the last command, to change it smoothly."""
+
+    def __init__(self) -> None:
+        self._steer = 0.0
+        self._acceleration = 0.0
+
+    def command(
+        self, path: ReferencePath, s: float, offset: float, yaw: float, speed: float, acceleration: float
+    ) -> Control:
+        """Pedals and wheel for a vehicle at `s` with `offset` to the right of the path [m]."""
+        steer = self._steering(path, s, offset, yaw, speed)
+        step = JERK * DT
+        if acceleration > EMERGENCY:
+            low = self._acceleration - step if self._acceleration <= 0.0 else -step
+            acceleration = min(max(acceleration, low), self._acceleration + 0.5 * step if speed > 0.5 else 2.5)
+        self._acceleration = acceleration
+        throttle, brake = pedals(speed, acceleration)
+        return Control(throttle=throttle, steer=steer, brake=brake)
+
+    def _steering(self, path: ReferencePath, s: float, offset: float, yaw: float, speed: float) -> float:
+        """Steers the course, not the heading: in the fitted bicycle the slip angle follows the wheel at once.
+
+        The course is set to the path's plus a correction for the offset; the heading then follows with the length
+        constant of the rear (1.4 m).
+        """
+        # No preview: over the tick the course turns on by itself, with the heading.
+        course = path.at(path.yaw, s) - math.atan(OFFSET_GAIN * offset / (speed + SOFT_SPEED))
+        slip = math.remainder(course - yaw, 2.0 * math.pi)
+        limit = math.atan(REAR_LENGTH / (FRONT_LENGTH + REAR_LENGTH) * math.tan(MAX_WHEEL_ANGLE))
+        slip = min(max(slip, -limit), limit)
+        wheel = math.atan((FRONT_LENGTH + REAR_LENGTH) / REAR_LENGTH * math.tan(slip))
+        wanted = wheel / MAX_WHEEL_ANGLE
+        self._steer = min(max(wanted, self._steer - STEER_RATE), self._steer + STEER_RATE)
+        return min(max(self._steer, -1.0), 1.0)
+
+
+def pedals(speed: float, acceleration: float) -> tuple[float, float]:
+    """Throttle and brake that give `acceleration` [m/s²] at `speed` [m/s] in the fitted model."""
+    if speed < 0.1 and acceleration <= 0.0:
+        return 0.0, 1.0 if acceleration < -1.0 else 0.5
+    throttle, brake = _pedals(max(speed, 0.0), acceleration)
+    return float(throttle), float(brake)
+
+
+@kernel
+def _pedals(speed: float, acceleration: float) -> tuple[float, float]:
+    if acceleration < -COAST_DECELERATION:
+        full = brake_deceleration(speed, 1.0)
+        return 0.0, min(1.0, -acceleration / max(full, 0.5))
+    least = throttle_acceleration(speed, THROTTLE_DEAD_BAND)
+    if acceleration < least:
+        near_coast = acceleration + COAST_DECELERATION < least - acceleration
+        return (0.0, 0.0) if near_coast else (THROTTLE_DEAD_BAND, 0.0)
+    low, high = THROTTLE_DEAD_BAND, MAX_THROTTLE
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        if throttle_acceleration(speed, middle) < acceleration:
+            low = middle
+        else:
+            high = middle
+    return high, 0.0

@@ -1,0 +1,356 @@
+"""The command line: each command builds a configuration and calls one function that a test can call too.
+
+The scorer and the agents are loaded inside the commands that need them: `lavsim --help` stays quick, and the simulator
+itself depends on neither.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lavsim.errors import LavsimError, OutputError, UnknownName
+
+if TYPE_CHECKING:
+    from leaderboard.evaluator import Progress
+
+TOWN_PATH = "LAVSIM_TOWN_PATH"
+
+app = typer.Typer(
+    name="lavsim",
+    help="Drive and score driving agents in OpenDRIVE towns, on the CPU.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON array on stdout and nothing else.")]
+TownPath = Annotated[
+    list[Path] | None, typer.Option("--town-path", help="Folder with towns (*.xodr); may be given again.")
+]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command; the exit code is 0, or 2 for a user's mistake, told in one line on stderr."""
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr)
+    try:
+        app(args=None if arguments is None else list(arguments), prog_name="lavsim")
+    except LavsimError as error:
+        print(f"lavsim: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BrokenPipeError:  # `lavsim … | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return 0
+
+
+@app.command()
+def score(
+    agent: Annotated[str, typer.Option(help="'module:Class', 'file.py' or 'file.py:Class'.")],
+    routes: Annotated[str, typer.Option(help="Name of a bundled route file, or a path.")] = "quick",
+    out: Annotated[Path, typer.Option(help="Folder for the run.")] = Path("runs/score"),
+    agent_config: Annotated[str | None, typer.Option(help="Handed to the agent's setup.")] = None,
+    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1 or bench2drive.")] = "1.0",
+    seed: Annotated[int, typer.Option(help="Root of everything that is drawn.")] = 0,
+    route_ids: Annotated[str | None, typer.Option(help="Some routes of the file: '0,3-5'.")] = None,
+    repetitions: Annotated[int, typer.Option(help="Drives of each route.")] = 1,
+    track: Annotated[str | None, typer.Option(help="Track the agent must be on; its own by default.")] = None,
+    traffic: Annotated[str | None, typer.Option(help="leaderboard, lav or empty, where the file names none.")] = None,
+    sensors: Annotated[str | None, typer.Option(help="Suite rendered beside the agent's own sensors: lav.")] = None,
+    town_path: TownPath = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
+) -> None:
+    """Drive an agent over routes and score it by the leaderboard's rules."""
+    from leaderboard.evaluator import EvaluationConfig, evaluate
+
+    config = EvaluationConfig.of(
+        agent=agent,
+        routes=routes,
+        out=out,
+        agent_config=agent_config,
+        rules=rules,
+        seed=seed,
+        route_ids=route_ids,
+        repetitions=repetitions,
+        track=track,
+        traffic=traffic,
+        sensors=sensors,
+        town_path=_towns_at(town_path),
+        overwrite=overwrite,
+    )
+    with _Bar() as bar:
+        run = evaluate(config, bar.update)
+    from leaderboard.table import run_table
+
+    _print(run_table(run))
+    typer.echo(f"{out / 'results.json'}  {out / 'report.html'}")
+
+
+@app.command()
+def report(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]) -> None:
+    """Print the tables of runs and write their report.html again."""
+    from leaderboard.report.page import write_report
+    from leaderboard.run import Run
+    from leaderboard.table import run_table
+
+    loaded = [Run.load(folder) for folder in runs]
+    first = loaded[0].run.get("benchmark_id")
+    for run in loaded[1:]:
+        own = run.run.get("benchmark_id")
+        if own != first:
+            raise OutputError(
+                f"{run.folder} was driven under benchmark {own}, {loaded[0].folder} under {first}: "
+                "towns, routes, traffic or rules differ, so their scores can't be compared."
+            )
+    for run in loaded:
+        if len(loaded) > 1:
+            typer.echo(str(run.folder))
+        _print(run_table(run))
+        write_report(run)
+
+
+@app.command()
+def towns(town_path: TownPath = None, as_json: AsJson = False) -> None:
+    """List the towns there are."""
+    from lavsim.map.town_map import load_town, town_names
+    from lavsim.types import LaneType
+
+    search = _towns_at(town_path)
+    entries = []
+    for name in town_names(search):
+        try:
+            town = load_town(name, search)
+        except LavsimError as error:
+            entries.append({"name": name, "error": str(error)})
+            continue
+        driving = town.lanes.where(LaneType.DRIVING)
+        entries.append(
+            {
+                "name": name,
+                "lane_km": round(float(town.lanes.length[driving].sum()) / 1000.0, 2),
+                "junctions": len(town.junctions),
+                "lights": len(town.lights),
+                "digest": town.digest,
+            }
+        )
+    _list(entries, as_json)
+
+
+@app.command()
+def routes(
+    file: Annotated[
+        str | None, typer.Argument(help="Name of a bundled route file, or a path; all bundled ones.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """List routes."""
+    from leaderboard.routes import read_routes, route_files
+
+    entries = [
+        {
+            "file": name,
+            "id": entry.id,
+            "town": entry.town,
+            "waypoint_length": round(entry.length, 1),
+            "generation": entry.generation,
+            "traffic": entry.traffic or "",
+            "scenarios": [s.type for s in entry.scenarios],
+        }
+        for name in ([file] if file is not None else route_files())
+        for entry in read_routes(name)
+    ]
+    _list(entries, as_json)
+
+
+@app.command()
+def agents(as_json: AsJson = False) -> None:
+    """List the agents that ship."""
+    from lavsim.agent_source import packaged_agents
+
+    _list([{"agent": target, "summary": summary} for target, summary in packaged_agents()], as_json)
+
+
+@app.command()
+def sensors(as_json: AsJson = False) -> None:
+    """List the sensors an agent may ask for."""
+    from lavsim.sensors.base import SENSORS
+
+    _list(
+        [
+            {"type": str(key), "privileged": bool(SENSORS[key].privileged), "summary": _summary(SENSORS[key])}
+            for key in SENSORS
+        ],
+        as_json,
+    )
+
+
+@app.command()
+def scenarios(as_json: AsJson = False) -> None:
+    """List the hazards a route file may name."""
+    from lavsim.scenarios.base import SCENARIOS
+
+    entries = []
+    for key in SCENARIOS:
+        assert isinstance(key, tuple)
+        scenario = SCENARIOS[key]
+        entries.append(
+            {
+                "type": key[1],
+                "generation": key[0],
+                "summary": _summary(scenario),
+                "parameters": {f.name: f.default for f in fields(scenario.Config) if f.default is not MISSING},
+            }
+        )
+    _list(entries, as_json)
+
+
+@app.command()
+def show(
+    what: Annotated[str, typer.Argument(help="A town, a route file (or bundled name), or the folder of a run.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the pictures; runs/show by default.")] = None,
+    route_ids: Annotated[str | None, typer.Option(help="Some routes of a file: '0,3-5'.")] = None,
+    town_path: TownPath = None,
+) -> None:
+    """Draw a town, routes, or the drives of a run; prints the paths of the pictures."""
+    from lavsim.show import show_town
+
+    search, folder = _towns_at(town_path), out or Path("runs/show")
+    kind = _kind_of(what, search)
+    if kind == "town":
+        pictures = [show_town(what, folder, search)]
+    elif kind == "routes":
+        from leaderboard.picture import draw_routes
+
+        pictures = draw_routes(what, folder, route_ids, search)
+    else:
+        from leaderboard.run import Run
+
+        run = Run.load(Path(what))
+        pictures = sorted(p for p in (run.folder / "pictures").glob("*.png"))
+        if not pictures:
+            raise OutputError(f"{what} has no pictures")
+    for picture in pictures:
+        typer.echo(str(picture))
+
+
+@app.command()
+def bench(as_json: Annotated[bool, typer.Option("--json", help="One JSON object and nothing else.")] = False) -> None:
+    """Measure how fast each part runs on this machine."""
+    from lavsim.bench import bench as measure
+
+    figures = measure()
+    if as_json:
+        typer.echo(json.dumps(figures))
+    else:
+        _list([{"figure": name, "value": f"{value:.4g}"} for name, value in figures.items()], False)
+
+
+def _kind_of(what: str, search: tuple[Path, ...]) -> str:
+    from lavsim.map.town_map import town_names
+    from leaderboard.routes import route_files
+
+    if Path(what).is_dir():
+        return "run"
+    names, files = town_names(search), route_files()
+    if what in names:
+        return "town"
+    if what in files or what.endswith(".xml"):
+        return "routes"
+    raise UnknownName("town, route file or run", what, [*names, *files])
+
+
+def _towns_at(folders: list[Path] | None) -> tuple[Path, ...]:
+    """The search path for towns; agents in processes of their own find it in the environment."""
+    given = tuple(folders or ())
+    for folder in given:
+        if not folder.is_dir():
+            raise OutputError(f"--town-path: there is no folder {str(folder)!r}.")
+    if given:
+        known = [os.environ[TOWN_PATH]] if os.environ.get(TOWN_PATH) else []
+        os.environ[TOWN_PATH] = os.pathsep.join([*(str(folder.resolve()) for folder in given), *known])
+    return given
+
+
+def _summary(thing: Any) -> str:
+    return (thing.__doc__ or "").strip().split("\n")[0]
+
+
+def _list(entries: list[dict[str, Any]], as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(entries, ensure_ascii=False))
+        return
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    columns = list(dict.fromkeys(key for entry in entries for key in entry))
+    table = Table(*(c.replace("_", " ") for c in columns), box=SIMPLE_HEAD, pad_edge=False)
+    for entry in entries:
+        table.add_row(*(Text(_cell(entry.get(column, ""))) for column in columns))
+    _print(table)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{k}={v}" for k, v in value.items())
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _print(content: Any) -> None:
+    from rich.console import Console
+
+    console = Console()
+    # Into a file or a pipe the table keeps its own width instead of being folded at 80 columns.
+    (console if console.is_terminal else Console(width=160)).print(content)
+
+
+class _Bar:
+    """Progress of a run on stderr: share of all drives, time left, and a line for each drive done."""
+
+    def __enter__(self) -> _Bar:
+        from rich.console import Console
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bars
+
+        self._console = Console(stderr=True)
+        self._bars = Bars(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=self._console,
+            transient=True,
+        )
+        self._task = self._bars.add_task("setting up", total=1.0)
+        self._done = 0
+        self._bars.start()
+        return self
+
+    def update(self, progress: Progress) -> None:
+        records = progress.results.records
+        for record in records[self._done :]:
+            self._console.print(
+                f"{len(records)}/{progress.total} {record.route_id}: {record.status}, "
+                f"score {record.scores.composed:.1f}",
+                highlight=False,
+            )
+        self._done = len(records)
+        text = f"{progress.name} in {progress.town}, {progress.game_time:.0f} s" if progress.town else progress.name
+        share = (progress.drive + progress.completion / 100.0) / max(progress.total, 1)
+        self._bars.update(self._task, description=text, completed=min(share, 1.0))
+
+    def __exit__(self, *_: object) -> None:
+        self._bars.stop()
