@@ -1,0 +1,159 @@
+"""Background drivers: followers, obstacles, and a town's traffic as a whole."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lavsim.map.town_map import TownMap, load_town
+from lavsim.random import Draws
+from lavsim.traffic.drivers import draw_driver
+from lavsim.traffic.obstacles import Boxes, fill_grid, make_grid, obstacle_at
+from lavsim.traffic.population import Traffic
+from lavsim.traffic.vehicles import idm_acceleration
+from lavsim.types import DT, Control, LaneType, LightState, Role
+from lavsim.world.blueprints import BLUEPRINTS
+from lavsim.world.lights import TrafficLights
+from lavsim.world.snapshot import HAZARD_DTYPE, Snapshot
+from lavsim.world.weather import Weather
+from lavsim.world.world import World
+
+DRIVER = np.array([0.7, 1.4, 2.0, 1.8, 2.5])  # speed factor, headway, smallest gap, acceleration, deceleration
+
+
+def boxes_at(*poses: tuple[float, float, float, float, float]) -> Boxes:
+    """Cars at (x, y, yaw, vx, vy)."""
+    values = np.array(poses, dtype=float)
+    velocity = np.column_stack([values[:, 3:], np.zeros(len(values))])
+    return Boxes(np.ones(len(values), bool), values[:, :3].copy(), velocity, np.tile([2.3, 0.95], (len(values), 1)))
+
+
+def gap_ahead(boxes: Boxes, x: float, time: float = 0.0) -> tuple[float, float]:
+    """What blocks a path along +x at (x, 0), as row 0 sees it."""
+    grid = make_grid(np.array([-100.0, -100.0, 100.0, 100.0]), len(boxes.present))
+    fill_grid(grid, boxes, 1.7)
+    return obstacle_at(grid, boxes, 0, (x, 0.0, 0.0), time, 1.3)
+
+
+OWN = (0.0, 0.0, 0.0, 8.0, 0.0)
+
+
+def test_a_car_on_the_path_is_the_leader() -> None:
+    gap, speed = gap_ahead(boxes_at(OWN, (20.0, 0.5, 0.0, 5.0, 0.0)), 17.0)
+    assert gap == pytest.approx(20.0 - 2.3 - 17.0)
+    assert speed == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("y", [3.5, -3.5])
+def test_a_car_in_the_next_lane_is_not(y: float) -> None:
+    assert math.isinf(gap_ahead(boxes_at(OWN, (20.0, y, 0.0, 5.0, 0.0)), 19.0)[0])
+
+
+def test_oncoming_traffic_in_its_own_lane_blocks_nobody() -> None:
+    assert math.isinf(gap_ahead(boxes_at(OWN, (20.0, -3.5, math.pi, -8.0, 0.0)), 19.0, 2.0)[0])
+
+
+def test_a_crossing_car_blocks_where_it_will_be() -> None:
+    crossing = boxes_at(OWN, (20.0, -10.0, math.pi / 2, 0.0, 6.0))
+    assert math.isinf(gap_ahead(crossing, 20.0, 0.0)[0])
+    assert gap_ahead(crossing, 20.0, 1.7)[0] < 0.0
+
+
+def test_idm_reaches_its_free_speed_and_keeps_its_gap() -> None:
+    speed = 0.0
+    for _ in range(2000):
+        speed += idm_acceleration(speed, 10.0, math.inf, 0.0, DRIVER) * DT
+    assert speed == pytest.approx(10.0, abs=0.05)
+    place, speed = 0.0, 10.0
+    for _ in range(2000):
+        speed = max(0.0, speed + idm_acceleration(speed, 10.0, 60.0 - place, speed, DRIVER) * DT)
+        place += speed * DT
+    assert 1.5 < 60.0 - place < 2.6
+
+
+def test_equilibrium_flow_is_that_of_theory() -> None:
+    """At speed v an IDM column keeps (s0 + v T) / sqrt(1 - (v / v0)^4) of gap; 1,500 to 2,200 vehicles/h/lane."""
+    flow = 0.0
+    for speed in np.linspace(1.0, 13.0, 60):
+        gap = (DRIVER[2] + speed * DRIVER[1]) / math.sqrt(1.0 - (speed / 14.0) ** 4)
+        assert idm_acceleration(speed, 14.0, gap, 0.0, DRIVER) == pytest.approx(0.0, abs=1e-9)
+        flow = max(flow, 3600.0 * speed / (gap + 4.5))
+    assert 1500.0 < flow < 2200.0
+
+
+def test_a_driver_depends_on_its_id_alone() -> None:
+    draws = Draws.of_seed(5)
+    assert draw_driver(draws, 1003) == draw_driver(draws, 1003)
+    assert draw_driver(draws, 1003) != draw_driver(draws, 1004)
+
+
+class Town:
+    """`eu_small_a` with traffic and an ego that stands."""
+
+    def __init__(self, count: int, seed: int = 0) -> None:
+        self.town: TownMap = load_town("eu_small_a")
+        lanes = self.town.lanes
+        lane = int(np.flatnonzero((lanes.type == LaneType.DRIVING) & (lanes.junction < 0) & (lanes.length > 50.0))[0])
+        start = self.town.waypoint_at(lane, 25.0)
+        self.world = World()
+        ego = BLUEPRINTS["vehicle.lincoln.mkz_2017"]
+        self.world.spawn(1, ego, np.array([start.x, start.y, start.z]), start.yaw, Role.EGO)
+        self.lights = TrafficLights(len(self.town.lights), self.town.light_groups)
+        self.traffic = Traffic(self.town, self.world, Draws.of_seed(seed), count)
+
+    def tick(self) -> Snapshot:
+        states = self.lights.states(self.world.tick * DT)
+        self.traffic.control(states)
+        self.world.drive_ego(Control(brake=1.0))
+        self.world.step()
+        return self.world.publish(states, Weather(), np.zeros(0, HAZARD_DTYPE))
+
+
+def test_five_minutes_of_traffic_without_contact_on_its_lanes_and_moving() -> None:
+    scene = Town(40)
+    assert len(scene.traffic) == 40
+    driven = np.zeros(41)
+    for tick in range(6000):
+        snapshot = scene.tick()
+        assert not len(snapshot.contacts), snapshot.contacts
+        driven += snapshot.speeds * DT
+        if tick % 100 == 0:
+            hits = scene.town.nearest(snapshot.xy[1:])
+            assert np.abs(hits.offset).max() < 0.3
+    assert np.median(driven[1:]) > 300.0
+    assert (driven[1:] > 20.0).all() or np.sum(driven[1:] < 20.0) <= 2
+
+
+def test_nobody_enters_a_junction_at_red() -> None:
+    scene = Town(40, seed=1)
+    lanes = scene.town.lanes
+    before = None
+    entered = 0
+    for _ in range(3000):
+        snapshot = scene.tick()
+        fleet = scene.traffic._fleet
+        if before is not None:
+            for i in np.flatnonzero(fleet.lane != before):
+                light = lanes.light[fleet.lane[i]]
+                if lanes.junction[fleet.lane[i]] >= 0 and lanes.junction[before[i]] < 0 and light >= 0:
+                    entered += 1
+                    assert snapshot.lights[light] != LightState.RED
+        before = fleet.lane.copy()
+    assert entered > 50
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not() -> None:
+    digests = []
+    for seed in (0, 0, 1):
+        scene = Town(25, seed)
+        for _ in range(300):
+            snapshot = scene.tick()
+        digests.append(snapshot.pose.tobytes() + snapshot.velocity.tobytes())
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_more_vehicles_leave_the_drivers_of_the_others_as_they_were() -> None:
+    few, many = Town(10), Town(20)
+    assert np.array_equal(few.traffic._fleet.driver, many.traffic._fleet.driver[:10])
+    assert np.array_equal(few.traffic._fleet.key, many.traffic._fleet.key[:10])
+    assert few.world.table.blueprints == many.world.table.blueprints[:11]
