@@ -1,4 +1,4 @@
-"""OpenDRIVE 1.4 text from records: the inverse of `lavsim.map.opendrive`, in the form that CARLA's map library reads."""
+"""OpenDRIVE 1.4 text from records: the inverse of `lavsim.map.opendrive`, in the form CARLA's map library reads."""
 
 from __future__ import annotations
 

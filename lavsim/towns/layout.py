@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from lavsim.map.opendrive import (
     ConnectionRecord,
@@ -202,9 +203,9 @@ class Layout:
     def _trace(self, street: Street, setbacks: dict[str, float]) -> None:
         """Rounds the corners of a street's polyline and cuts it back to its junctions' edges."""
         points, radii = street.points, street.radii
-        legs = [math.dist(a, b) for a, b in zip(points, points[1:], strict=False)]
-        headings = [_angle(a, b) for a, b in zip(points, points[1:], strict=False)]
-        bends = [_wrap(b - a) for a, b in zip(headings, headings[1:], strict=False)]
+        legs = [math.dist(a, b) for a, b in pairwise(points)]
+        headings = [_angle(a, b) for a, b in pairwise(points)]
+        bends = [_wrap(b - a) for a, b in pairwise(headings)]
         tangents = [r * math.tan(abs(bend) / 2.0) for r, bend in zip(radii, bends, strict=True)]
         begin = setbacks[street.start.name] if street.start else 0.0
         finish = setbacks[street.end.name] if street.end else 0.0
@@ -317,7 +318,7 @@ class Layout:
                 )
             if node.lights:
                 a, v = STOP_WIDTH / 2.0, self.section.lane / 2.0 - 0.1
-                corners = ((a, v, 0.0), (a, -v, 0.0), (-a, -v, 0.0), (-a, v, 0.0))
+                bar = ((a, v, 0.0), (a, -v, 0.0), (-a, -v, 0.0), (-a, v, 0.0))
                 things.append(
                     ObjectRecord(
                         next(ids),
@@ -328,7 +329,7 @@ class Layout:
                         orientation="-" if inward < 0 else "+",
                         length=2.0 * a,
                         width=2.0 * v,
-                        outline=corners,
+                        outline=bar,
                     )
                 )
         return things
@@ -341,7 +342,8 @@ class Layout:
         arms = sorted(node.arms, key=lambda arm: self._direction(*arm))
         setback = self._setback(node)
         signal_ids = [next(ids) for _ in arms] if node.lights else []
-        ways, connections = [], []
+        ways: list[RoadRecord] = []
+        connections: list[ConnectionRecord] = []
         for i, (source, from_start) in enumerate(arms):
             for k in range(1, len(arms)):
                 j = (i + k) % len(arms)
