@@ -125,7 +125,7 @@ def test_entities_are_not_expanded(tmp_path: Path) -> None:
 
 
 def test_unknown_names_get_the_nearest(tmp_path: Path) -> None:
-    with pytest.raises(UnknownName, match="no traffic profile 'lvv'. Did you mean 'lav'"):
+    with pytest.raises(UnknownName, match=r"no traffic profile 'lvv'\. Did you mean 'lav'"):
         read_routes(written(tmp_path, TWO.replace('"lav"', '"lvv"')))
     with pytest.raises(UnknownName, match="no route file 'devtets'"):
         read_routes("devtets")
