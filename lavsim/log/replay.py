@@ -14,6 +14,7 @@ from lavsim.map.route import Route
 from lavsim.map.scenery import SCENERY_VERSION
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.random import Draws
+from lavsim.world.snapshot import Snapshot
 
 
 def town_of(reader: LogReader, search_path: Sequence[Path] = ()) -> TownMap:
@@ -41,3 +42,8 @@ def route_of(reader: LogReader, town: TownMap) -> Route:
 def draws_of(reader: LogReader) -> Draws:
     """The root of all draws of a log's drive."""
     return Draws.of_seed(int(reader.header["seed"]))
+
+
+def recent_of(reader: LogReader, index: int, count: int) -> list[Snapshot]:
+    """The last `count` snapshots up to number `index`, newest last: what `Simulation.recent` gave at that tick."""
+    return [reader[k] for k in range(max(0, index - count + 1), index + 1)]
