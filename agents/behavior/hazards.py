@@ -114,6 +114,8 @@ def _judge(
     course = path.at(path.yaw, float(first[0]))
     facing = math.cos(float(forecast.poses[h, when[0], 2]) - course)
     gap_now = float(first[0]) - ego.s
+    if when[0] and gap_now < 0.6 and _ahead_of(ego, forecast.poses[h, when[0]]) < 0.3 * ego.half_length:
+        return None  # would run into the ego's side or back where it stands now: going on is all it can do
     if not is_walker and (speed < 0.3 or facing > 0.7):
         leader = speed * max(facing, 0.0) if speed >= 0.3 else 0.0
         gaps = first - leader * TIMES[when] - ego.s
@@ -146,12 +148,16 @@ def _judge(
     return Meeting(stopping(ego.speed, gap, manner), max(low - WALL_GAP, ego.s), row)
 
 
+def _ahead_of(ego: Ego, pose: Floats) -> float:
+    """How far ahead of the ego's centre a place is, along its heading [m]."""
+    return float((pose[0] - ego.x) * math.cos(ego.yaw) + (pose[1] - ego.y) * math.sin(ego.yaw))
+
+
 def _comes_from_behind(ego: Ego, forecast: Forecast, h: int) -> bool:
     """Whether the other follows the ego: its business to keep off."""
     x, y, yaw = forecast.poses[h, 0]
-    dx, dy = x - ego.x, y - ego.y
-    ahead = dx * math.cos(ego.yaw) + dy * math.sin(ego.yaw)
-    aside = abs(dy * math.cos(ego.yaw) - dx * math.sin(ego.yaw))
+    ahead = _ahead_of(ego, forecast.poses[h, 0])
+    aside = abs((y - ego.y) * math.cos(ego.yaw) - (x - ego.x) * math.sin(ego.yaw))
     similar = math.cos(yaw - ego.yaw) > 0.5
     reach = ego.half_length + float(forecast.half[h, 0])
     return bool(ahead < -0.6 * reach and similar and aside < 3.0) or bool(ahead < -reach and forecast.speed[h] < 0.3)
