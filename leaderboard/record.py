@@ -104,7 +104,7 @@ class Results:
         summary = self.summary() if self.finished else None
         labels, values = self._values(summary) if summary else ([], [])
         untouched = first and not self.finished and not self.records and not self.sensors
-        content = {
+        content: dict[str, Any] = {
             "_checkpoint": {
                 "global_record": self._global(summary) if summary else {},
                 "progress": [len(self.records), self.total],

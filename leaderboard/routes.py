@@ -291,7 +291,8 @@ class _RouteReader:
 
     @staticmethod
     def _line(element: etree._Element) -> int:
-        return int(element.sourceline or 0)
+        line = element.sourceline
+        return line if isinstance(line, int) else 0
 
 
 def _number_or_text(text: str) -> float | str:

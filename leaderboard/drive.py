@@ -1,0 +1,232 @@
+"""One drive of one route by one agent, judged and recorded; an agent's failure ends this drive and no other."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lavsim.agent import AgentFailure, AgentHandle, AgentSpec, AgentStatus, Readings, Track, plan_of
+from lavsim.episode import EpisodeResult, Observer, run_episode
+from lavsim.errors import LavsimError
+from lavsim.isolation import ChildAgent
+from lavsim.log.writer import LogWriter
+from lavsim.render.scene import get_scene
+from lavsim.sensors.base import SensorSuite
+from lavsim.sensors.suites import find_suite
+from lavsim.simulation import DriveSpec, Simulation
+from lavsim.types import Control
+from lavsim.world.snapshot import Snapshot
+from leaderboard.observer import CriteriaObserver, Verdict
+from leaderboard.routes import RouteEntry
+from leaderboard.rules import Rules
+from leaderboard.score import SIMULATION_CRASHED, RouteRecord, record_of
+from leaderboard.sensor_check import check_sensors
+
+log = logging.getLogger(__name__)
+
+TICKS_PER_REPORT = 20  # ticks between progress reports
+
+
+@dataclass(frozen=True)
+class DriveTask:
+    """All that decides one drive.
+
+    Attributes:
+        index: Place in the run.
+        name: Names its files.
+        route_id: As the results file has it.
+        entry: The route.
+        repetition: Which drive of this route.
+        seed: Of this drive.
+        traffic: Its profile.
+        rules: What it is judged by.
+        agent: Who drives.
+        track: Track the agent must be on, or None.
+        sensors: Suite rendered beside the agent's own, or None.
+        town_path: Folders with towns.
+        log: The recorded drive.
+        output: What the agent printed.
+    """
+
+    index: int
+    name: str
+    route_id: str
+    entry: RouteEntry
+    repetition: int
+    seed: int
+    traffic: str
+    rules: Rules
+    agent: AgentSpec
+    track: str | None
+    sensors: str | None
+    town_path: tuple[Path, ...]
+    log: Path
+    output: Path
+
+    def spec(self) -> DriveSpec:
+        """What the simulation is told."""
+        return DriveSpec(
+            town=self.entry.town,
+            route_id=self.entry.id,
+            keypoints=self.entry.keypoints,
+            weather=self.entry.weather,
+            scenarios=self.entry.scenarios,
+            seed=self.seed,
+            traffic=self.traffic,
+            rules=self.rules.version,
+            generation=self.rules.generation,
+            town_path=self.town_path,
+        )
+
+
+@dataclass(frozen=True)
+class DriveOutcome:
+    """What came of a drive.
+
+    Attributes:
+        record: For the results file.
+        sensors: Types of the agent's sensors, in order; empty when it never said.
+        track: The agent's track; None when it never said.
+        details: For the run file, in JSON types.
+    """
+
+    record: RouteRecord
+    sensors: tuple[str, ...]
+    track: str | None
+    details: dict[str, Any]
+
+
+OnTick = Callable[[Verdict], None]
+
+
+def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
+    """Drives `task` to its end, whatever the agent does."""
+    criteria = CriteriaObserver(task.rules)
+    begun = time.perf_counter()
+    simulation = Simulation(task.spec())
+    criteria.watch(simulation.town, simulation.route)
+    agent = ChildAgent(task.agent, task.output)
+    sensors: list[dict[str, Any]] = []
+    track: Track | None = None
+    failure: AgentFailure | None = None
+    ending, crash = "", None
+    started = time.perf_counter()
+    try:
+        agent.start(plan_of(simulation.route, simulation.town), task.rules.plan_spacing)
+        track, sensors = agent.track, agent.sensors()
+        check_sensors(sensors, track, task.track, task.rules)
+        suite, handle = _suite(simulation, sensors, task.sensors, agent)
+        observers: list[Observer] = [criteria, LogWriter(task.log, {"suite": sensors})]
+        if on_tick is not None:
+            observers.append(_Reporter(criteria, on_tick))
+        started = time.perf_counter()
+        result = run_episode(simulation, handle, observers, suite)
+        ending, failure = result.ending, result.failure
+    except AgentFailure as error:
+        ending, failure = error.message, error
+        criteria.close(error)
+    except Exception as error:  # ours: the drive is lost, the run is not
+        log.exception("%s: the simulation crashed", task.name)
+        ending = crash = f"{type(error).__name__}: {error}"
+    finally:
+        ended = time.perf_counter()
+        agent.close()
+    verdict = criteria.verdict()
+    reason = SIMULATION_CRASHED if crash is not None else verdict.failure
+    length = verdict.keypoint_length if task.rules.route_length == "waypoints" else verdict.route_length
+    record = record_of(
+        index=task.index,
+        route_id=task.route_id,
+        completion=verdict.completion,
+        reached=verdict.reached,
+        infractions=verdict.infractions,
+        failure=reason,
+        route_length=length,
+        duration_game=verdict.duration,
+        duration_system=ended - started,
+        rules=task.rules,
+    )
+    details = {
+        "index": task.index,
+        "name": task.name,
+        "route": task.entry.id,
+        "repetition": task.repetition,
+        "town": task.entry.town,
+        "town_digest": simulation.town.digest,
+        "seed": task.seed,
+        "traffic": task.traffic,
+        "ending": ending,
+        "agent_status": int(failure.status) if failure else 0,
+        "agent_message": failure.message if failure else None,
+        "ticks": verdict.ticks,
+        "dense_length": verdict.route_length,
+        "infractions": [i.to_json() for i in verdict.infractions],
+        "setup_seconds": started - begun,
+        "drive_seconds": ended - started,
+        "real_time_factor": verdict.duration / max(ended - started, 1e-9),
+    }
+    kinds = tuple(str(sensor.get("type", "")) for sensor in sensors)
+    return DriveOutcome(record, kinds, track.value if track else None, details)
+
+
+def _suite(
+    simulation: Simulation, sensors: list[dict[str, Any]], extra: str | None, agent: AgentHandle
+) -> tuple[SensorSuite, AgentHandle]:
+    """The sensors to render, and who gets them: an agent sees what it asked for, a suite beside it is only rendered."""
+    own = {str(sensor["id"]) for sensor in sensors}
+    handle = agent
+    wanted = list(sensors)
+    if extra is not None:
+        wanted += [{**sensor, "id": f"suite:{sensor['id']}"} for sensor in find_suite(extra)]
+        handle = _OwnReadings(agent, own)
+    try:
+        return SensorSuite(get_scene(simulation.town), wanted, simulation.draws), handle
+    except LavsimError as error:
+        raise AgentFailure(AgentStatus.SENSORS_INVALID, str(error)) from None
+
+
+class _OwnReadings:
+    """An agent that gets its own sensors' readings out of more."""
+
+    def __init__(self, agent: AgentHandle, ids: set[str]) -> None:
+        self._agent, self._ids = agent, ids
+
+    @property
+    def track(self) -> Track:
+        return self._agent.track
+
+    def start(self, plan: Any, spacing: float | None = None) -> None:
+        self._agent.start(plan, spacing)
+
+    def sensors(self) -> list[dict[str, Any]]:
+        return self._agent.sensors()
+
+    def step(self, readings: Readings, time: float) -> Control:
+        return self._agent.step({key: value for key, value in readings.items() if key in self._ids}, time)
+
+    def close(self) -> None:
+        self._agent.close()
+
+
+class _Reporter:
+    """Tells now and then how the drive stands."""
+
+    def __init__(self, criteria: CriteriaObserver, on_tick: OnTick) -> None:
+        self._criteria, self._on_tick = criteria, on_tick
+        self._ticks = 0
+
+    def start(self, simulation: Simulation) -> None:
+        self._on_tick(self._criteria.verdict())
+
+    def observe(self, snapshot: Snapshot) -> str | None:
+        self._ticks += 1
+        if self._ticks % TICKS_PER_REPORT == 0:
+            self._on_tick(self._criteria.verdict())
+        return None
+
+    def finish(self, result: EpisodeResult) -> None:
+        self._on_tick(self._criteria.verdict())

@@ -1,0 +1,100 @@
+"""The report and the table of a run."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from rich.console import Console
+
+from lavsim.errors import OutputError
+from leaderboard.report.markup import Markup, el, join
+from leaderboard.report.page import page, write_report
+from leaderboard.run import Run, claim_folder
+from leaderboard.table import run_table
+from tests.leaderboard.runs import make_run
+
+EVIL = '<script>alert("1")</script>'
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return make_run(tmp_path_factory.mktemp("run") / "a", agent=f"x:{EVIL}", route_id=EVIL)
+
+
+def test_elements_escape_texts_and_attributes() -> None:
+    assert el("p", "<b>", class_='"x"') == '<p class="&quot;x&quot;">&lt;b&gt;</p>'
+    assert el("p", [el("b", 1.0), None, " & "]) == "<p><b>1</b> &amp; </p>"
+    assert el("img", alt=None, hidden=True, data_x=0.125) == '<img hidden data-x="0.12">'
+    assert join("<", Markup("<br>")) == "&lt;<br>"
+
+
+def test_report_escapes_what_comes_from_files_and_agents(run: Run) -> None:
+    text = page(run)
+    assert "<script" not in text
+    assert "&lt;script&gt;alert(&quot;1&quot;)&lt;/script&gt;" in text
+    assert "vehicle.&lt;b&gt;" in text
+
+
+def test_report_needs_nothing_outside_itself(run: Run) -> None:
+    path = write_report(run)
+    assert path == run.folder / "report.html"
+    text = path.read_text()
+    assert not re.search(r"""(src|href)=["'](?!data:|#)""", text)
+    assert "http" not in text.replace("http-equiv", "").lower()
+    assert text.count("<svg") == 6  # a map and a speed chart for each drive
+    assert text.count("data:image/jpeg;base64,") == 3
+    assert str(run.folder) not in text
+
+
+def test_drawings_are_well_formed_and_mark_the_infractions(run: Run) -> None:
+    drawings = re.findall(r"<svg.*?</svg>", page(run), re.DOTALL)
+    maps = [ElementTree.fromstring(d) for d in drawings if 'class="map"' in d]
+    assert len(maps) == 3
+    marks = [[t.text for t in m.iter("text")] for m in maps]
+    assert marks == [[], ["1", "2"], []]
+    assert all(len(list(m.iter("polyline"))) > 10 for m in maps)  # roads, route, track
+
+
+def test_report_survives_a_missing_log_and_picture(tmp_path: Path) -> None:
+    made = make_run(tmp_path / "a")
+    for file in [*(made.folder / "logs").iterdir(), *(made.folder / "pictures").iterdir()]:
+        file.unlink()
+    text = page(made)
+    assert "can&#x27;t be shown" in text or "No recorded drive" in text
+
+
+def test_table_has_a_row_for_each_drive_and_the_means(run: Run) -> None:
+    console = Console(width=150, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    console.print(run_table(run))
+    text = console.export_text()
+    assert "1 vehicle, 1 red light" in text
+    assert "Failed - Agent crashed" in text
+    assert EVIL in text  # a route id is text, not console markup
+    mean = run.mean["score_composed"]
+    assert f"{mean:.1f}" in text
+    assert "PRIVILEGED" in text
+
+
+def test_run_is_loaded_or_its_absence_said(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"no run in .*: it has no results\.json"):
+        Run.load(tmp_path)
+    (tmp_path / "results.json").write_text("{")
+    with pytest.raises(OutputError, match="can't read"):
+        Run.load(tmp_path)
+
+
+def test_folder_with_a_run_is_replaced_only_on_demand(tmp_path: Path) -> None:
+    made = make_run(tmp_path / "a")
+    (made.folder / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"already holds a run \(results\.json\); give --overwrite"):
+        claim_folder(made.folder, overwrite=False)
+    assert json.loads((made.folder / "results.json").read_text())
+    claim_folder(made.folder, overwrite=True)
+    assert sorted(p.name for p in made.folder.iterdir()) == ["logs", "notes.txt", "pictures"]
+    assert not list((made.folder / "logs").iterdir())
+    with pytest.raises(OutputError, match="is a file; a folder is expected"):
+        claim_folder(made.folder / "notes.txt", overwrite=True)
