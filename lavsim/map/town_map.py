@@ -344,7 +344,7 @@ class Waypoint:
             lane, s, rest = open_ends.pop(0)
             border = float(lanes.s_end[lane] if ahead else lanes.s_start[lane])
             left = abs(border - s)
-            if rest <= left:
+            if rest <= left + 1e-6:
                 at = s + np.sign(border - s) * rest
                 found.append(Waypoint(self.town, lane, lanes.u_of_s(lane, float(at))))
                 continue

@@ -93,7 +93,8 @@ FILES: dict[str, tuple[str, tuple[RouteSketch, ...]]] = {
                 0.3, 0.6, ("right", "left"), ("cloudy", "fog"),
             ),
             RouteSketch(
-                ("North West Wall", "High Street West", "Orchard Street", "Bridge Street", "South Wall", "Station Street"),
+                ("North West Wall", "High Street West", "Orchard Street", "Bridge Street", "South Wall",
+                 "Station Street"),
                 0.15, 0.6, ("right", "right"), ("soft rain", "hard rain"),
             ),
         ),
@@ -168,7 +169,7 @@ def draw_route(town: TownMap, number: int, sketch: RouteSketch) -> etree._Elemen
     weathers = etree.SubElement(element, "weathers")
     for percentage, name in zip((0, 100), sketch.weather, strict=True):
         values = {key: f"{value:g}" for key, value in WEATHERS[name].items()}
-        etree.SubElement(weathers, "weather", route_percentage=str(percentage), **values)
+        etree.SubElement(weathers, "weather", {"route_percentage": str(percentage), **values})
     waypoints = etree.SubElement(element, "waypoints")
     for x, y, z in points:
         etree.SubElement(waypoints, "position", x=_number(x), y=_number(y), z=_number(z))
