@@ -1,0 +1,206 @@
+"""Whole runs: short, straight, in the bundled town, with agents in processes of their own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lavsim.agent import AgentFailure, Track
+from lavsim.errors import AgentError, ConfigError, OutputError, RouteError, UnknownName
+from lavsim.map.town_map import load_town
+from lavsim.types import LaneType
+from leaderboard.evaluator import EvaluationConfig, Progress, evaluate
+from leaderboard.run import Run
+from leaderboard.sensor_check import check_sensors
+from tests.leaderboard.worlds import V1, V20
+
+AGENT = Path(__file__).parent / "fixtures" / "moody_agent.py"
+LENGTH = 45.0
+
+
+def straight_ends() -> list[tuple[float, float]]:
+    """Ends of `LENGTH` m on a straight lane of the bundled town."""
+    town = load_town("eu_small_a")
+    for lane in np.flatnonzero((town.lanes.type == LaneType.DRIVING) & (town.lanes.junction < 0)):
+        if town.lanes.length[lane] > LENGTH + 20.0:
+            points = town.centre(np.full(2, lane), np.array([5.0, 5.0 + LENGTH]))
+            if np.ptp(points[:, 3]) < 1e-6 and abs(np.linalg.norm(np.diff(points[:, :2], axis=0)) - LENGTH) < 1e-3:
+                return [(float(p[0]), float(p[1])) for p in points]
+    raise AssertionError("no straight lane in eu_small_a")
+
+
+def route_file(folder: Path, count: int, town: str = "eu_small_a", ends: Any = None) -> Path:
+    places = "".join(f'<position x="{x}" y="{y}" z="0"/>' for x, y in ends or straight_ends())
+    routes = "".join(f'<route id="{k}" town="{town}"><waypoints>{places}</waypoints></route>\n' for k in range(count))
+    path = folder / "short.xml"
+    path.write_text(f'<routes traffic="empty">\n{routes}</routes>')
+    return path
+
+
+def config(folder: Path, moods: str, count: int | None = None, **more: Any) -> EvaluationConfig:
+    (folder / "moods").write_text(moods)
+    values: dict[str, Any] = {
+        "agent": str(AGENT),
+        "agent_config": str(folder / "moods"),
+        "routes": str(route_file(folder, len(moods.split()) if count is None else count)),
+        "out": folder / "out",
+        "pictures": False,
+    }
+    return EvaluationConfig.of(**values | more)
+
+
+def statuses(run: Run) -> list[str]:
+    return [record["status"] for record in run.records]
+
+
+def test_a_failing_agent_loses_its_route_and_no_other(tmp_path: Path) -> None:
+    seen: list[Progress] = []
+    run = evaluate(config(tmp_path, "raise go nan none exit no-setup truth cameras"), seen.append)
+    assert statuses(run) == [
+        "Failed - Agent crashed",
+        "Completed",
+        "Failed - Agent crashed",
+        "Failed - Agent crashed",
+        "Failed - Agent crashed",
+        "Failed - Agent couldn't be set up",
+        "Failed - Agent's sensors were invalid",
+        "Failed - Agent's sensors were invalid",
+    ]
+    drives = run.run["drives"]
+    messages = [drive["agent_message"] for drive in drives]
+    assert "ValueError: no idea" in messages[0]
+    assert messages[1] is None
+    assert "nan" in messages[2]
+    assert "None" in messages[3]
+    assert "3" in messages[4]
+    assert "no weights" in messages[5]
+    assert "sensor.lavsim.truth is not allowed on track SENSORS" in messages[6]
+    assert "5 sensors of type sensor.camera.rgb, 4 at most" in messages[7]
+    assert run.records[1]["scores"] == {"score_route": 100.0, "score_penalty": 1.0, "score_composed": 100.0}
+    assert run.records[5]["scores"]["score_route"] == 0.0
+    assert run.mean["score_composed"] == pytest.approx(100.0 / 8, abs=0.5)
+    assert run.results["_checkpoint"]["progress"] == [8, 8]
+    assert run.results["entry_status"] == "Rejected"
+    assert run.results["sensors"] == ["carla_speedometer"]
+    assert (run.folder / "report.html").is_file()
+    assert [bool(drive["log"]) for drive in drives] == [True] * 5 + [False] * 3
+    assert seen[-1].drive == seen[-1].total == 8
+    assert max(p.completion for p in seen) == 100.0
+
+
+def without_clock(run: Run) -> dict[str, Any]:
+    content = json.loads((run.folder / "results.json").read_text())
+    for record in [*content["_checkpoint"]["records"], content["_checkpoint"]["global_record"]]:
+        del record["meta"]["duration_system"]
+    return dict(content)
+
+
+def test_one_seed_gives_the_same_bytes_and_repetitions_differ(tmp_path: Path) -> None:
+    runs = []
+    for name, suite in (("a", None), ("b", "lav")):  # rendering changes nothing
+        more = {"out": tmp_path / name, "repetitions": 2, "sensors": suite, "seed": 3}
+        runs.append(evaluate(config(tmp_path, "go go", 1, **more)))
+    assert without_clock(runs[0]) == without_clock(runs[1])
+    logs = [sorted((run.folder / "logs").glob("*.lavlog")) for run in runs]
+    assert [p.name for p in logs[0]] == ["RouteScenario_0_rep0.lavlog", "RouteScenario_0_rep1.lavlog"]
+    assert [p.read_bytes() for p in logs[0]] == [p.read_bytes() for p in logs[1]]
+    assert runs[0].run["benchmark_id"] == runs[1].run["benchmark_id"]
+    first, second = runs[0].run["seeds"]
+    assert first == 3
+    assert second not in (3, 4)
+    assert [drive["seed"] for drive in runs[0].run["drives"]] == [first, second]
+    assert str(tmp_path) not in (runs[0].folder / "results.json").read_text()
+
+
+def test_benchmark_id_belongs_to_routes_and_rules(tmp_path: Path) -> None:
+    ids = set()
+    for k, more in enumerate(({}, {"rules": "2.0"}, {"route_ids": "0"})):
+        made = evaluate(config(tmp_path, "no-setup no-setup", 2, out=tmp_path / str(k), **more))
+        ids.add(made.run["benchmark_id"])
+        if "rules" in more:
+            assert [r["route_id"] for r in made.records] == ["RouteScenario_0_rep0", "RouteScenario_1_rep0"]
+    assert len(ids) == 3
+
+
+@pytest.mark.parametrize(
+    ("more", "error", "message"),
+    [
+        ({"agent": "nowhere.py"}, AgentError, "nowhere.py"),
+        ({"agent": f"{AGENT}:Moody"}, AgentError, "MoodyAgent"),
+        ({"route_ids": "7"}, RouteError, "no route '7'"),
+        ({"rules": "3.0"}, UnknownName, r"no rules '3\.0'\. .*1\.0, 2\.0, 2\.1"),
+        ({"traffic": "lot"}, UnknownName, "no traffic profile 'lot'"),
+        ({"track": "SENSOR"}, UnknownName, r"no track 'SENSOR'\. Did you mean 'SENSORS'"),
+        ({"sensors": "lavv"}, UnknownName, "lav"),
+        ({"repetitions": 0}, ConfigError, r"repetitions: .*greater than or equal to 1"),
+        ({"repetition": 1}, ConfigError, r"no setting 'repetition' of an evaluation\. Did you mean 'repetitions'"),
+    ],
+)
+def test_mistakes_are_said_before_anything_is_written(
+    tmp_path: Path, more: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        evaluate(config(tmp_path, "go", **more))
+    assert not (tmp_path / "out").exists()
+
+
+def test_routes_that_cannot_be_driven_are_named(tmp_path: Path) -> None:
+    for more, message in (
+        ({"town": "eu_smal_a"}, r"no town 'eu_smal_a'\. Did you mean 'eu_small_a'"),
+        ({"ends": [(5000.0, 0.0), (0.0, 0.0)]}, r"short\.xml, route 0: .*5000"),
+    ):
+        made = config(tmp_path, "go")
+        route_file(tmp_path, 1, **more)
+        with pytest.raises((RouteError, UnknownName), match=message):
+            evaluate(made)
+
+
+def test_a_folder_with_a_run_is_kept_without_overwrite(tmp_path: Path) -> None:
+    evaluate(config(tmp_path, "no-setup"))
+    before = (tmp_path / "out" / "results.json").read_bytes()
+    with pytest.raises(OutputError, match="already holds a run"):
+        evaluate(config(tmp_path, "no-setup"))
+    assert (tmp_path / "out" / "results.json").read_bytes() == before
+    evaluate(config(tmp_path, "no-setup", overwrite=True))
+
+
+SPEED = {"type": "sensor.speedometer", "id": "speed"}
+MAP = {"type": "sensor.opendrive_map", "id": "map"}
+LIDAR = {"type": "sensor.lidar.ray_cast", "id": "lidar", "x": 0.0, "y": 0.0, "z": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("sensors", "track", "wrong"),
+    [
+        ([SPEED, LIDAR], Track.SENSORS, None),
+        ([SPEED, MAP], Track.MAP, None),
+        ([SPEED, MAP], Track.SENSORS, "not allowed on track SENSORS"),
+        ([{**LIDAR, "x": 0.1}], Track.SENSORS, r"3\.00 m from the ego, 3\.0 m at most"),
+        ([SPEED, {**LIDAR, "id": "speed"}], Track.SENSORS, "two sensors have the id 'speed'"),
+        ([{"type": "sensor.speedometer"}], Track.SENSORS, "without type or id"),
+        ([{"type": "sensor.lavsim.truth", "id": "t"}], Track.PRIVILEGED, None),
+        ([{"type": "sensor.camera.depth", "id": "d"}], Track.MAP, "not allowed on track MAP"),
+    ],
+)
+def test_sensors_are_held_to_the_track(sensors: list[dict[str, Any]], track: Track, wrong: str | None) -> None:
+    if wrong is None:
+        check_sensors(sensors, track, None, V1)
+        return
+    with pytest.raises(AgentFailure, match=wrong):
+        check_sensors(sensors, track, None, V1)
+
+
+def test_sensor_limits_go_by_generation_and_track() -> None:
+    two = [LIDAR, {**LIDAR, "id": "other"}]
+    check_sensors(two, Track.SENSORS, "SENSORS", V20)
+    for track, expected, rules in (
+        (Track.SENSORS, None, V1),
+        (Track.SENSORS_QUALIFIER, None, V20),
+        (Track.SENSORS, "MAP", V20),
+    ):
+        with pytest.raises(AgentFailure):
+            check_sensors(two, track, expected, rules)
