@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-VERSION = 1  # of what is drawn; raise it whenever another raster comes out
+VERSION = 3  # of what is drawn; raise it whenever another raster comes out
 RESOLUTION = 0.1  # [m] a cell; a lane mark of 0.15 m is still one or two cells wide
 MARGIN = 20.0  # [m] of terrain around the lanes
 DASH, GAP = 3.0, 6.0  # [m] of broken marks
 STRIPE = 0.5  # [m] width of a zebra stripe and of the gap to the next
+THINNEST = 0.15  # [m] paint is at least so wide: narrower lines would break up in the cells
 STOP_LINE = 0.4  # [m] width of a stop line
 
 
@@ -140,11 +141,11 @@ def draw_ground(town: TownMap) -> NDArray[np.uint8]:
         if surface is not None:
             broken = surface in (Surface.WHITE_BROKEN, Surface.YELLOW_BROKEN)
             line = np.ascontiguousarray(np.asarray(mark.points, np.float64)[:, :2])
-            _fill_line(classes, low, line, max(float(mark.width), 0.1), broken, int(surface))
-    for light in town.lights:
-        for stop in light.stop_lines:
-            quad = _across(stop.x, stop.y, stop.yaw, stop.width)
-            fill_polygon(classes, (quad - low) / RESOLUTION, int(Surface.STOP_LINE))
+            _fill_line(classes, low, line, max(float(mark.width), THINNEST), broken, int(surface))
+    if not any(mark.kind == "stop" for mark in town.marks):
+        for stop in (stop for light in town.lights for stop in light.stop_lines):
+            x, y, _, yaw, _ = town.centre([stop.lane], [stop.paint_u])[0]
+            fill_polygon(classes, (_across(x, y, yaw, stop.width) - low) / RESOLUTION, int(Surface.STOP_LINE))
     return classes
 
 
@@ -162,8 +163,8 @@ def _draw_lanes(classes: NDArray[np.uint8], low: Floats, town: TownMap) -> None:
 def _surface_of_mark(colour: str, kind: str) -> Surface | None:
     if kind in ("none", "grass"):
         return None
-    if kind == "curb":
-        return Surface.CURB
+    if kind in ("curb", "stop"):
+        return Surface.CURB if kind == "curb" else Surface.STOP_LINE
     broken = kind in ("broken", "broken broken", "botts dots")
     if colour == "yellow":
         return Surface.YELLOW_BROKEN if broken else Surface.YELLOW_SOLID

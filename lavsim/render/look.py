@@ -93,7 +93,7 @@ _LIT = {
     Swatch.HEAD_OFF: (215, 218, 220),
 }
 _SHINING = {
-    Swatch.LIT_WINDOW: ((225, 180, 105), 0.0),
+    Swatch.LIT_WINDOW: ((225, 180, 105), 0.2),
     Swatch.BRAKE_ON: ((255, 36, 30), 0.6),
     Swatch.REAR_ON: ((170, 18, 16), 0.4),
     Swatch.HEAD_ON: ((255, 250, 228), 0.6),
@@ -132,9 +132,9 @@ def look_of(weather: Weather) -> Look:
     overcast = min(max(weather.cloudiness, weather.precipitation) / 100.0, 1.0)
     wet = min(max(weather.wetness, weather.precipitation_deposits, weather.precipitation) / 100.0, 1.0)
     sunlight = (
-        0.72 * _smooth(altitude, -1.0, 9.0) * (1.0 - 0.9 * overcast) * _mix((1, 0.97, 0.9), (1, 0.78, 0.52), low_sun)
+        0.66 * _smooth(altitude, -1.0, 9.0) * (1.0 - 0.9 * overcast) * _mix((1, 0.97, 0.9), (1, 0.78, 0.52), low_sun)
     )
-    ambient = _mix((0.15, 0.16, 0.21), _mix((0.52, 0.55, 0.6), (0.66, 0.67, 0.69), overcast), day)
+    ambient = _mix((0.15, 0.16, 0.21), _mix((0.6, 0.62, 0.66), (0.68, 0.69, 0.71), overcast), day)
     ambient = ambient * (1.0 - 0.18 * low_sun * day)
     zenith, horizon = _sky_colours(day, low_sun, overcast)
     sun = _direction(np.radians(weather.sun_azimuth_angle), np.radians(max(altitude, 4.0)))

@@ -67,6 +67,11 @@ class Scene:
         return self._town
 
     @property
+    def has_town(self) -> bool:
+        """Whether there is a map."""
+        return self._town is not None
+
+    @property
     def name(self) -> str:
         """The town's name, empty without one."""
         return self._town.name if self._town is not None else ""

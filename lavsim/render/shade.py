@@ -118,7 +118,7 @@ def _fill_face(out, solids, k, side, look):  # type: ignore[no-untyped-def]
         nx, ny = ty, -tx
     towards = max(0.0, nx * look.sun[0] + ny * look.sun[1] + nz * look.sun[2])
     for c in range(3):
-        light = look.ambient[c] * (0.8 + 0.2 * nz + 0.06 * nx) + look.sunlight[c] * towards
+        light = look.ambient[c] * (0.88 + 0.12 * nz + 0.06 * nx) + look.sunlight[c] * towards
         out[c] = solids.colour[k, c] * light
     out[_GLOW], out[_START_X], out[_START_Y], out[_TANGENT_X], out[_TANGENT_Y] = 0.0, x, y, tx, ty
     out[_LENGTH], out[_Z0], out[_Z1] = length, solids.z0[k], solids.z1[k]
@@ -201,7 +201,8 @@ def _shade(  # type: ignore[no-untyped-def]
                         green += (look.swatches[swatch, 1] - green) * share
                         blue += (look.swatches[swatch, 2] - blue) * share
             if beams:
-                bright = one + strength * _headlight(x - headlights[0], y - headlights[1], cos_ego, sin_ego)
+                bright = strength * _headlight(x - headlights[0], y - headlights[1], cos_ego, sin_ego)
+                bright = one if glow > 0.0 else one + bright
                 red, green, blue = red * bright, green * bright, blue * bright
             clear = look.transmission[min(int(depth), FOG_STEPS - 1)]
             clear += (one - clear) * glow

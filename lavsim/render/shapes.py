@@ -82,8 +82,8 @@ def _car(a: Look) -> tuple[Part, ...]:
     """A body to the waistline and a cabin; hatchbacks' and off-roaders' cabins reach the rear."""
     compact, high = any(n in a.blueprint for n in _COMPACT), any(n in a.blueprint for n in _HIGH)
     clearance = 0.28 if high else 0.2
-    waist = (0.6 if high else 0.62) * a.height
-    share, shift = (0.66, -0.14) if compact or high else (0.52, -0.06)
+    waist = (0.6 if high else 0.56) * a.height
+    share, shift = (0.66, -0.14) if compact or high else (0.5, -0.05)
     return (
         Part(0.0, 0.0, a.length, a.width, clearance, waist, a.colour, Material.BODY),
         Part(shift * a.length, 0.0, share * a.length, 0.84 * a.width, waist, a.height, a.colour, Material.GLASS),
@@ -144,7 +144,7 @@ def _motorcycle(a: Look) -> tuple[Part, ...]:
         Part(reach, 0.0, wheel, 0.14, 0.0, wheel, BLACK, Material.TYRE),
         Part(-reach, 0.0, wheel, 0.18, 0.0, wheel, BLACK, Material.TYRE),
         Part(0.0, 0.0, 0.9 * a.length, 0.3, 0.3, 0.72, a.colour, Material.BODY),
-        Part(0.25 * a.length, 0.0, 0.12, a.width, 0.85, 0.98, GREY),
+        Part(0.25 * a.length, 0.0, 0.1, a.width, 0.92, 0.98, GREY),
         *_rider(a, 0.75, 0.0),
     )
 
