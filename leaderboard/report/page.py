@@ -11,12 +11,10 @@ import cv2
 import numpy as np
 
 from lavsim.errors import LavsimError
-from lavsim.log.reader import LogReader
-from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
 from lavsim.types import DT
 from leaderboard.criteria.base import charges_of
 from leaderboard.record import write_text
+from leaderboard.recorded import RecordedDrive
 from leaderboard.report.drawing import map_drawing, speed_drawing
 from leaderboard.report.markup import Markup, el, join
 from leaderboard.report.style import STYLE
@@ -210,15 +208,13 @@ def _from_log(run: Run, drive: dict[str, Any], infractions: list[dict[str, Any]]
     if not drive.get("log"):
         return el("p", "No recorded drive.", class_="soft"), None
     try:
-        reader = LogReader(run.folder / drive["log"])
-        town = load_town(reader.town_name, _town_path(run))
-        route = get_planner(town).trace(np.array(reader.header["keypoints"], np.float64))
-        snapshots = [(s.tick, s.ego.x, s.ego.y, s.ego.speed) for s in reader]
+        recorded = RecordedDrive.open(run.folder / drive["log"], _town_path(run))
+        snapshots = [(s.tick, s.ego.x, s.ego.y, s.ego.speed) for s in recorded.log]
     except LavsimError as error:
         return el("p", f"The recorded drive can't be shown: {error}", class_="soft"), None
     driven = np.array(snapshots, np.float64).reshape(-1, 4)
     first = int(driven[0, 0]) if len(driven) else 0
-    drawing = map_drawing(town, route, driven[:, 1:3], infractions)
+    drawing = map_drawing(recorded.town, recorded.route, driven[:, 1:3], infractions)
     speed = speed_drawing((driven[:, 0] - first) * DT, driven[:, 3], infractions, first) if len(driven) else None
     caption = el("figcaption", "Dashed: the route. Solid: what was driven. Ringed: start (blue) and target (green).")
     return el("figure", drawing, caption), speed

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lavsim.errors import RouteError, UnknownName
+from leaderboard.picture import draw_routes
 from leaderboard.routes import RouteEntry, read_routes, route_files, select_routes
 
 SHARED = Path(os.environ.get("LAVSIM_SHARED") or Path(__file__).parents[3] / "shared") / "routes"
@@ -187,3 +188,9 @@ def test_public_route_files_are_read(name: str, routes: int, hazards: int, gener
     assert len(found) == routes
     assert sum(len(e.scenarios) for e in found) == hazards
     assert {e.generation for e in found} == {generation}
+
+
+def test_routes_are_drawn_on_their_towns(tmp_path: Path) -> None:
+    pictures = draw_routes("quick", tmp_path / "pictures", "0")
+    assert [p.name for p in pictures] == ["quick_000.png"]
+    assert pictures[0].read_bytes().startswith(b"\x89PNG")

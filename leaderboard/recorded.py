@@ -1,0 +1,38 @@
+"""A recorded drive with the town and the route it belongs to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lavsim.errors import LogError
+from lavsim.log.reader import LogReader
+from lavsim.map.planner import get_planner
+from lavsim.map.route import Route
+from lavsim.map.town_map import TownMap, load_town
+
+
+@dataclass(frozen=True)
+class RecordedDrive:
+    """A log and what its header names."""
+
+    log: LogReader
+    town: TownMap
+    route: Route
+
+    @staticmethod
+    def open(path: Path, town_path: Sequence[Path] = ()) -> RecordedDrive:
+        """The drive in the log at `path`.
+
+        Raises:
+            LavsimError: no such log, its town is not to be found, or is another one than was driven.
+        """
+        log = LogReader(path)
+        town = load_town(log.town_name, tuple(town_path))
+        digest = log.header.get("town_digest", town.digest)
+        if digest != town.digest:
+            raise LogError(f"{path.name} was driven in another {town.name}: its digest is {digest}, not {town.digest}.")
+        return RecordedDrive(log, town, get_planner(town).trace(np.array(log.header["keypoints"], np.float64)))
