@@ -13,7 +13,7 @@ from agents.behavior.forecast import Forecaster
 from agents.behavior.hazards import Ego, Meeting, kerb_speed, meetings
 from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
 from agents.behavior.road import StopPoint, TrackBook, limits_along, stop_points
-from agents.behavior.speed import Manner, speed_profile, stopping, towards
+from agents.behavior.speed import Manner, speed_profile, stopping, time_to_cover, towards
 from lavsim.agent import Agent, Track
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.types import Control, LightState, RoadOption
@@ -21,7 +21,9 @@ from lavsim.types import Control, LightState, RoadOption
 RADIUS = 100.0  # [m] around the ego that it is told about
 LINE_GAP = 0.8  # [m] between bumper and stop line
 YELLOW_BRAKING = 3.0  # [m/s²] it stops at yellow if that much suffices
-OVER_LINE = 1.2  # [m] over a stop line at which it still stops for red: the rear decides
+LAST_BRAKING = 8.0  # [m/s²] or this much, if its rear would not be over the line before red
+YELLOW = 3.0  # [s] CARLA's yellow
+OVER_LINE = 2.5  # [m] over a stop line at which it still stops for red: the rear decides
 JUNCTION_OPTIONS = (RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT)
 DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] without a map
 SAME_LEVEL = 3.0  # [m] actors farther apart in z don't meet
@@ -78,6 +80,7 @@ class Expert:
         self._forecaster = Forecaster(TrackBook(town) if town is not None else None)
         self._controller = Controller()
         self._goes: set[int] = set()  # stop lines it decided to cross at yellow
+        self._yellow_since: dict[int, float] = {}
         self._waiting = 0.0  # [s] it has stood for others
         self._time = -math.inf
         self.reason = ""  # what held it back last: for pictures and debugging
@@ -120,23 +123,34 @@ class Expert:
         lowest = math.inf
         for number, stop in enumerate(self.stops):
             room = stop.s - ego.s - ego.half_length
-            if room < -OVER_LINE - 1.0:
+            if room < -OVER_LINE:
                 continue
             if room > 60.0:
                 break
             state = int(lights[stop.light])
-            if state == LightState.GREEN:
-                self._goes.discard(number)
-                continue
             if state == LightState.YELLOW:
-                if ego.speed**2 > 2.0 * YELLOW_BRAKING * max(room - LINE_GAP, 0.01):
+                since = self._yellow_since.setdefault(number, self._time)
+                if number not in self._goes and self._crosses_at_yellow(ego, room, self._time - since):
                     self._goes.add(number)
                 if number in self._goes:
                     continue
-            elif state != LightState.RED or room < -OVER_LINE:
-                continue
+            else:
+                self._goes.discard(number)
+                self._yellow_since.pop(number, None)
+                if state != LightState.RED:
+                    continue
+                if room < 0.0 and ego.speed**2 > 2.0 * 9.0 * (room + 1.8 * ego.half_length - 0.5):
+                    continue  # the rear would cross anyway
             lowest = min(lowest, stopping(ego.speed, room - LINE_GAP, self.manner))
         return lowest
+
+    def _crosses_at_yellow(self, ego: Ego, room: float, since: float) -> bool:
+        """Whether to go on with `room` metres to the line, `since` seconds into yellow."""
+        needed = ego.speed**2 / (2.0 * max(room - 0.2, 0.05))
+        if needed < YELLOW_BRAKING:
+            return False
+        clear = time_to_cover(room + 2.0 * ego.half_length + 1.0, ego.speed, 1.5, ego.wanted)
+        return needed > LAST_BRAKING or clear < YELLOW - since - 0.3
 
     def _junction(self, ego: Ego, met: list[Meeting]) -> float:
         """Acceleration that keeps it out of a junction it could not leave [m/s²]."""

@@ -23,6 +23,7 @@ SOFT_SPEED = 2.5  # [m/s] keeps the correction mild at walking pace
 STEER_RATE = 0.16  # a tick: full lock takes 0.3 s
 JERK = 12.0  # [m/s³] for what was foreseen; emergencies are not smoothed
 EMERGENCY = -4.0  # [m/s²]
+RELEASED = -1.5  # [m/s²] the brake comes off at once down to here
 
 
 class Controller:
@@ -39,8 +40,9 @@ class Controller:
         steer = self._steering(path, s, offset, yaw, speed)
         step = JERK * DT
         if acceleration > EMERGENCY:
-            low = self._acceleration - step if self._acceleration <= 0.0 else -step
-            acceleration = min(max(acceleration, low), self._acceleration + 0.5 * step if speed > 0.5 else 2.5)
+            low = min(self._acceleration, 0.0) - step
+            high = max(self._acceleration, RELEASED) + 0.5 * step if speed > 0.5 else 2.5
+            acceleration = min(max(acceleration, low), high)
         self._acceleration = acceleration
         throttle, brake = pedals(speed, acceleration)
         return Control(throttle=throttle, steer=steer, brake=brake)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agents.behavior.forecast import TIMES, Forecast
 from agents.behavior.path import STEP, ReferencePath
-from agents.behavior.speed import Manner, following, stopping, time_to_cover
+from agents.behavior.speed import Manner, following, merging, stopping, time_to_cover
 from lavsim.kernel import kernel
 
 Floats = NDArray[np.float64]
@@ -118,14 +118,13 @@ def _judge(
         return None  # would run into the ego's side or back where it stands now: going on is all it can do
     if not is_walker and (speed < 0.3 or facing > 0.7):
         leader = speed * max(facing, 0.0) if speed >= 0.3 else 0.0
-        gaps = first - leader * TIMES[when] - ego.s
-        gap = float(gaps.min()) if when[0] else gap_now
         if when[0]:  # comes into the way ahead: only if the ego isn't well past by then
             reach = time_to_cover(gap_now + 2.0 * ego.half_length, ego.speed, NOMINAL, ego.wanted)
             if reach + BEFORE < TIMES[when[0]]:
                 return None
-            gap = max(gap, 0.8)
-        acceleration = following(ego.speed, gap, leader, ego.wanted, manner)
+            acceleration = merging(ego.speed, first - ego.s, TIMES[when], leader)
+        else:
+            acceleration = following(ego.speed, gap_now, leader, ego.wanted, manner)
         # Where the ego ends up if the other goes on as forecast to the end.
         rests = float(first[-1]) - manner.standstill if leader < 2.5 else math.inf
         return Meeting(acceleration, rests, row)

@@ -73,6 +73,27 @@ def following(speed: float, gap: float, leader: float, desired: float, manner: M
     return max(result, -12.0)
 
 
+def merging(speed: float, ahead: Floats, times: Floats, leader: float) -> float:
+    """Acceleration [m/s²] that leaves room for somebody who comes into the way later.
+
+    Args:
+        speed: Own speed [m/s].
+        ahead: (K,) how far the ego may be before it would touch the other at `times` [m].
+        times: (K,) [s], > 0.
+        leader: Speed of the other along the way [m/s].
+    """
+    lowest = math.inf
+    for room, time in zip((ahead - 1.5 - 0.6 * leader).tolist(), times.tolist(), strict=True):
+        if room <= 0.3:
+            wanted = -8.0 if time < 1.5 else -2.5
+        else:
+            wanted = 2.0 * (room - speed * time) / time**2
+            if speed + wanted * time < 0.0:
+                wanted = -speed * speed / (2.0 * room)
+        lowest = min(lowest, wanted)
+    return max(lowest, -8.0)
+
+
 def stopping(speed: float, distance: float, manner: Manner) -> float:
     """Acceleration [m/s²] that brings the vehicle to rest within `distance` [m]; large where there is time."""
     if distance <= 0.15:
