@@ -198,7 +198,7 @@ class Layout:
         for a, b in zip(headings, [*headings[1:], headings[0] + 2.0 * math.pi], strict=True):
             if b - a < math.radians(150.0):
                 needed = max(needed, self.corner_radius / math.tan((b - a) / 2.0))
-        return math.ceil(needed * 2.0) / 2.0
+        return math.ceil(needed * 2.0 - 1e-6) / 2.0
 
     def _trace(self, street: Street, setbacks: dict[str, float]) -> None:
         """Rounds the corners of a street's polyline and cuts it back to its junctions' edges."""
