@@ -15,7 +15,7 @@ from typing import Any
 
 from lavsim import carla_standin
 from lavsim.agent import AgentFailure, AgentPlan, AgentRunner, AgentSpec, AgentStatus
-from lavsim.messages import Channel, MessageError
+from lavsim.messages import Channel
 
 
 def main(arguments: list[str]) -> int:
@@ -50,7 +50,7 @@ def main(arguments: list[str]) -> int:
         with contextlib.suppress(BrokenPipeError):
             try:
                 channel.send(reply)
-            except MessageError as error:  # only the sensors can hold what JSON can't
+            except TypeError as error:  # only the sensors can hold what JSON can't
                 text = f"sensors() returned what is no plain data: {error}"
                 channel.send({"failure": [int(AgentStatus.SENSORS_INVALID), text]})
         if message["order"] == "close":

@@ -26,7 +26,11 @@ class MessageError(Exception):
 
 
 def pack(value: Any) -> tuple[bytes, list[memoryview], int]:
-    """Header, buffers and total body length of nested dicts, lists, tuples, scalars, bytes and numpy arrays."""
+    """Header, buffers and total body length of nested dicts, lists, tuples, scalars, bytes and numpy arrays.
+
+    Raises:
+        TypeError: `value` holds something else.
+    """
     buffers: list[memoryview] = []
     offset = 0
 
@@ -43,11 +47,12 @@ def pack(value: Any) -> tuple[bytes, list[memoryview], int]:
         if isinstance(item, np.generic):
             return item.item()
         if isinstance(item, np.ndarray):
-            if item.dtype.hasobject or item.dtype.names:
-                raise MessageError(f"arrays of {item.dtype} can't be sent")
+            if item.dtype.hasobject:
+                raise TypeError(f"arrays of {item.dtype} can't be sent")
             array = np.ascontiguousarray(item)
             flat = array.reshape(-1).view(np.uint8).data if array.size else memoryview(b"")
-            return {_ARRAY: [array.dtype.str, list(item.shape), place(flat)]}
+            kind = array.dtype.str if array.dtype.names is None else array.dtype.descr
+            return {_ARRAY: [kind, list(item.shape), place(flat)]}
         if isinstance(item, bytes | bytearray):
             return {_BYTES: [place(memoryview(item)), len(item)]}
         if isinstance(item, tuple):
@@ -58,7 +63,7 @@ def pack(value: Any) -> tuple[bytes, list[memoryview], int]:
             if all(isinstance(key, str) and not key.startswith("\x00") for key in item):
                 return {key: plain(part) for key, part in item.items()}
             return {_PAIRS: [[plain(key), plain(part)] for key, part in item.items()]}
-        raise MessageError(f"a {type(item).__name__} can't be sent")
+        raise TypeError(f"a {type(item).__name__} can't be sent")
 
     header = json.dumps(plain(value), separators=(",", ":")).encode()
     return header, buffers, offset
@@ -75,7 +80,8 @@ def unpack(header: bytes, body: Any) -> Any:
         if len(item) == 1:
             kind, content = next(iter(item.items()))
             if kind == _ARRAY:
-                dtype, shape, start = np.dtype(content[0]), content[1], content[2]
+                columns, shape, start = content
+                dtype = np.dtype([tuple(c) for c in columns]) if isinstance(columns, list) else np.dtype(columns)
                 if dtype.hasobject:
                     raise MessageError("arrays of objects are not accepted")
                 count = int(np.prod(shape, dtype=np.int64))
