@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from lavsim.episode import EpisodeResult, Observer, run_episode
 from lavsim.errors import LavsimError
 from lavsim.isolation import ChildAgent
 from lavsim.log.writer import LogWriter
+from lavsim.map.town_map import TOWN_PATH
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite
 from lavsim.sensors.suites import find_suite
@@ -109,7 +111,7 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
     begun = time.perf_counter()
     simulation = Simulation(task.spec())
     criteria.watch(simulation.town, simulation.route)
-    agent = ChildAgent(task.agent, task.output)
+    agent = ChildAgent(task.agent, task.output, _environment(task.town_path))
     sensors: list[dict[str, Any]] = []
     track: Track | None = None
     failure: AgentFailure | None = None
@@ -164,6 +166,7 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         "agent_message": failure.message if failure else None,
         "ticks": verdict.ticks,
         "dense_length": verdict.route_length,
+        "completion": verdict.completion,
         "infractions": [i.to_json() for i in verdict.infractions],
         "setup_seconds": started - begun,
         "drive_seconds": ended - started,
@@ -171,6 +174,14 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
     }
     kinds = tuple(str(sensor.get("type", "")) for sensor in sensors)
     return DriveOutcome(record, kinds, track.value if track else None, details)
+
+
+def _environment(town_path: tuple[Path, ...]) -> dict[str, str]:
+    """What the agent's process needs to find the towns that this one finds."""
+    if not town_path:
+        return {}
+    known = [os.environ[TOWN_PATH]] if os.environ.get(TOWN_PATH) else []
+    return {TOWN_PATH: os.pathsep.join([*(str(folder.resolve()) for folder in town_path), *known])}
 
 
 def _suite(

@@ -26,6 +26,7 @@ from leaderboard.record import Results, sensor_icons, write_run
 from leaderboard.report.page import write_report
 from leaderboard.routes import RouteEntry, read_routes, select_routes
 from leaderboard.run import LOGS, PICTURES, Run, claim_folder
+from leaderboard.score import SHORTEST, plain_rates
 
 RUN_SCHEMA = 1
 
@@ -102,6 +103,8 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
         results = _add(results, outcome)
         run["track"] = run["track"] or outcome.track
         run["drives"].append(_details(task, outcome, config))
+        run["kilometres"] = sum(d["dense_length"] * d["completion"] / 1e5 for d in run["drives"])
+        run["infractions_per_km"] = plain_rates(results.records, max(run["kilometres"], SHORTEST), rules)
         results.write(config.out)
         write_run(config.out, run)
         if on_progress is not None:

@@ -16,6 +16,7 @@ SIMULATION_CRASHED = "Simulation crashed"
 SENSORS_INVALID = "Agent's sensors were invalid"
 
 OUTSIDE = "outside_route_lanes"
+SHORTEST = 0.001  # [km] taken for a run that came nowhere
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,6 @@ class Summary:
         mean: Scores over all planned drives; a missing one counts 0.
         deviation: Standard deviations over the drives there are; None where 1.0 has none (a single drive).
         rates: Infractions per km by kind, as the rules define them.
-        per_km: Infractions per km by kind, plainly: all of a kind over all km driven.
         total_length, duration_game, duration_system: Sums over the drives [m], [s], [s].
         exceptions: Route id, index and status of each drive that failed.
     """
@@ -85,7 +85,6 @@ class Summary:
     mean: Scores
     deviation: Scores | None
     rates: Mapping[str, float]
-    per_km: Mapping[str, float]
     total_length: float
     duration_game: float
     duration_system: float
@@ -189,7 +188,6 @@ def summarise(records: Sequence[RouteRecord], total: int, rules: Rules) -> Summa
         mean=mean,
         deviation=_deviation(records, mean, total, rules),
         rates=_rates(records, rules),
-        per_km=_per_km(records, rules),
         total_length=_total([r.route_length for r in records], rules),
         duration_game=_total([r.duration_game for r in records], rules),
         duration_system=_total([r.duration_system for r in records], rules),
@@ -234,11 +232,12 @@ def _rates(records: Sequence[RouteRecord], rules: Rules) -> dict[str, float]:
     if rules.rates == "sum of routes":
         driven = [r for r in records if r.scores.route > 0.0]
         return {key: sum((len(r.infractions.get(key, ())) / _kilometres(r) for r in driven), 0.0) for key in keys}
-    rates = {key: round(rate, 3) for key, rate in _per_km(records, rules).items()}
+    whole = plain_rates(records, max(sum(map(_kilometres, records)), SHORTEST), rules)
+    rates = {key: round(rate, 3) for key, rate in whole.items()}
     rates[OUTSIDE] = round(sum(r.metres_outside for r in records) / 1000.0, 3)
     return rates
 
 
-def _per_km(records: Sequence[RouteRecord], rules: Rules) -> dict[str, float]:
-    kilometres = max(sum(map(_kilometres, records)), 0.001)
+def plain_rates(records: Sequence[RouteRecord], kilometres: float, rules: Rules) -> dict[str, float]:
+    """Infractions per km by kind, plainly: all of a kind over all `kilometres`, which are positive."""
     return {key: sum(len(r.infractions.get(key, ())) for r in records) / kilometres for key in charges_of(rules)}

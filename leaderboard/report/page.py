@@ -133,7 +133,7 @@ def _routes(run: Run) -> Markup:
 def _infractions(run: Run) -> Markup:
     charges = charges_of(get_rules(run.run.get("rules", "1.0")))
     rates = run.total.get("infractions", {})
-    kilometres = sum(r["scores"]["score_route"] / 100.0 * r["meta"]["route_length"] / 1000.0 for r in run.records)
+    kilometres, plain = float(run.run.get("kilometres", 0.0)), run.run.get("infractions_per_km", {})
     rows = []
     for charge in sorted(charges.values(), key=lambda c: c.column):
         count = sum(len(r["infractions"].get(charge.key, [])) for r in run.records)
@@ -142,7 +142,7 @@ def _infractions(run: Run) -> Markup:
                 "tr",
                 el("td", charge.label),
                 el("td", str(count), class_="num"),
-                el("td", f"{count / max(kilometres, 0.001):.3f}", class_="num"),
+                el("td", f"{plain.get(charge.key, 0.0):.3f}", class_="num"),
                 el("td", f"{rates.get(charge.key, 0.0):.3f}", class_="num"),
                 class_=None if count else "soft",
             )

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from leaderboard.criteria.base import Infraction, charges_of
 from leaderboard.rules import RULES, Rules
-from leaderboard.score import RouteRecord, record_of, scores, status, summarise
+from leaderboard.score import RouteRecord, plain_rates, record_of, scores, status, summarise
 
 KEYS = {
     "veh": "collisions_vehicle",
@@ -183,8 +183,8 @@ def test_missing_routes_count_as_zero_in_the_mean_and_not_in_the_deviation() -> 
 
 
 def test_plain_rate_is_total_count_over_total_distance() -> None:
-    summary = summarise([record(row, RULES["1.0"], k) for k, row in enumerate(RUNS["W9"])], 2, RULES["1.0"])
-    assert summary.per_km["collisions_vehicle"] == pytest.approx(2 / 1.5)
+    records = [record(row, RULES["1.0"], k) for k, row in enumerate(RUNS["W9"])]
+    assert plain_rates(records, 1.5, RULES["1.0"])["collisions_vehicle"] == pytest.approx(2 / 1.5)
 
 
 def test_min_speed_costs_nothing_on_bench2drive() -> None:
