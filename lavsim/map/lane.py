@@ -24,6 +24,7 @@ Ints = NDArray[np.int32]
 
 STEP = 0.5  # [m] largest spacing of centre points; a chord over it on a 2.7 m radius lies 1.2 cm off the arc
 MAX_GAP = 1.0  # [m] between linked lanes that nobody drives on
+MOST_POINTS = 8_000_000  # centre points of a town, 4,000 lane-km; more is a broken file
 SHORTEST = 1e-3  # [m] sections below this are slips of the drawing tool and carry no lane
 CHANGE_RIGHT, CHANGE_LEFT = 1, 2  # bits of `LaneTable.change`, CARLA's LaneChange
 TURN_THRESHOLD = np.radians(35.0)  # CARLA's GlobalRoutePlanner: less is "straight"
@@ -349,6 +350,9 @@ def _measure(section: SectionShape, index: int, lane: LaneRecord, nodes: Floats,
 
 def _pieces(network: Network, shapes: dict[int, RoadShape]) -> list[_Piece]:
     pieces = []
+    planned = sum(road.length * max(len(section.lanes) for section in road.sections) for road in network.roads) / STEP
+    if planned > MOST_POINTS:
+        raise MapError(f"{network.name or 'the map'} has {planned * STEP / 1000.0:.0f} km of lanes; that is no town.")
     for road in network.roads:
         shape = shapes[road.id]
         for index in range(len(road.sections)):

@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 CELL = 4.0  # [m] holds about ten chords of a lane
+MOST_CELLS = 4_000_000  # a sparse map of 8 km x 8 km; larger ones get larger cells
 
 
 @kernel
@@ -169,6 +170,7 @@ class LaneIndex:
         cell_first, cell_chord: chords of each cell, compressed rows; cell = row * columns + column.
         origin: x, y of the grid's corner [m].
         shape: columns (along x), rows (along y).
+        cell: side of a cell [m].
     """
 
     chord_row: Ints
@@ -177,6 +179,7 @@ class LaneIndex:
     cell_chord: Ints
     origin: tuple[float, float]
     shape: tuple[int, int]
+    cell: float
 
     @staticmethod
     def build(lanes: LaneTable, types: int) -> LaneIndex:
@@ -191,13 +194,15 @@ class LaneIndex:
         row = np.flatnonzero(is_chord & wanted[row_lane])
         if not len(row):
             empty = np.zeros(0, np.int32)
-            return LaneIndex(empty, empty, np.zeros(2, np.int32), empty, (0.0, 0.0), (1, 1))
+            return LaneIndex(empty, empty, np.zeros(2, np.int32), empty, (0.0, 0.0), (1, 1), CELL)
         a, b = lanes.points[row, :2], lanes.points[row + 1, :2]
         low = np.minimum(a, b)
         high = np.maximum(a, b)
         origin = low.min(axis=0)
-        columns, rows = (np.floor((high.max(axis=0) - origin) / CELL).astype(int) + 1).tolist()
-        c0, c1 = np.floor((low - origin) / CELL).astype(np.int64), np.floor((high - origin) / CELL).astype(np.int64)
+        extent = high.max(axis=0) - origin
+        cell = max(CELL, float(np.sqrt(extent[0] * extent[1] / MOST_CELLS)), float(extent.max()) / MOST_CELLS)
+        columns, rows = (np.floor(extent / cell).astype(int) + 1).tolist()
+        c0, c1 = np.floor((low - origin) / cell).astype(np.int64), np.floor((high - origin) / cell).astype(np.int64)
         # A chord is shorter than a cell, so the cells of its box's corners are all it can meet.
         cells = np.concatenate([j * columns + i for i in (c0[:, 0], c1[:, 0]) for j in (c0[:, 1], c1[:, 1])])
         chords = np.tile(np.arange(len(row)), 4)
@@ -211,6 +216,7 @@ class LaneIndex:
             chords.astype(np.int32),
             (float(origin[0]), float(origin[1])),
             (columns, rows),
+            cell,
         )
 
     def search(
@@ -223,7 +229,7 @@ class LaneIndex:
         share, out = np.zeros(count), np.empty((count, 9))
         _search(
             queries, use_z, lanes.points, self.chord_row, self.chord_lane, self.cell_first, self.cell_chord,
-            self.origin[0], self.origin[1], self.shape[0], self.shape[1], CELL, lane, share, chord,
+            self.origin[0], self.origin[1], self.shape[0], self.shape[1], self.cell, lane, share, chord,
         )  # fmt: skip
         _refine(
             queries, use_z, lane, share, chord, self.chord_row, lanes.points, lanes.point_s, lanes.width,

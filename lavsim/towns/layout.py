@@ -251,16 +251,9 @@ class Layout:
         def end(node: Node | None) -> RoadLink | None:
             return RoadLink("junction", junction_ids[node.name]) if node else None
 
-        solid = RoadMark(0.0, "solid", "white", 0.12, "none")
-        marks = [solid]
-        if street.length > 2.0 * SOLID_BEFORE_JUNCTION + 10.0:
-            marks = [solid] if street.start else []
-            marks.append(RoadMark(SOLID_BEFORE_JUNCTION if street.start else 0.0, "broken", "white", 0.12, "none"))
-            if street.end:
-                marks.append(replace(solid, s=street.length - SOLID_BEFORE_JUNCTION))
         lanes = (
             *reversed(self._lanes(1, None, None)),
-            LaneRecord(0, "none", (), tuple(marks)),
+            LaneRecord(0, "none", (), self._centre_marks(street)),
             *self._lanes(-1, None, None),
         )
         return RoadRecord(
@@ -274,6 +267,24 @@ class Layout:
             speeds=(SpeedRecord(0.0, street.speed / 3.6),),
             objects=tuple(self._objects(street, ids)),
         )
+
+    def _centre_marks(self, street: Street) -> tuple[RoadMark, ...]:
+        """Broken in the open, unbroken before junctions, none past the stop line."""
+        marks = []
+        bare, bare_end = ((STOP_BEHIND_CROSSWALK if n and n.crosswalks else 0.0) for n in (street.start, street.end))
+        if bare:
+            marks.append(NO_MARK)
+        before, behind = (SOLID_BEFORE_JUNCTION if n else 0.0 for n in (street.start, street.end))
+        is_short = street.length < before + behind + 10.0
+        if is_short or street.start:
+            marks.append(RoadMark(bare, "solid", "white", 0.12, "none"))
+        if not is_short:
+            marks.append(RoadMark(before, "broken", "white", 0.12, "none"))
+            if street.end:
+                marks.append(RoadMark(street.length - behind, "solid", "white", 0.12, "none"))
+        if bare_end:
+            marks.append(replace(NO_MARK, s=street.length - bare_end))
+        return tuple(marks)
 
     def _objects(self, street: Street, ids: Iterator[int]) -> list[ObjectRecord]:
         """Speed signs, crosswalks and stop lines of a street."""
