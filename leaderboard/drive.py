@@ -167,7 +167,7 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         "ticks": verdict.ticks,
         "dense_length": verdict.route_length,
         "completion": verdict.completion,
-        "infractions": [i.to_json() for i in verdict.infractions],
+        "infractions": [i.to_json() for i in sorted(verdict.infractions, key=lambda i: i.tick)],
         "setup_seconds": started - begun,
         "drive_seconds": ended - started,
         "real_time_factor": verdict.duration / max(ended - started, 1e-9),

@@ -12,11 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from lavsim.agent import find_agent
-from lavsim.errors import LavsimError, RouteError, UnknownName
-from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
-from lavsim.scenarios.base import make_scenario
+from lavsim.errors import LavsimError, RouteError
 from lavsim.sensors.suites import find_suite
+from lavsim.simulation import Simulation
 from leaderboard.benchmark import LOOK, benchmark_id, versions
 from leaderboard.config import EvaluationConfig, traffic_of
 from leaderboard.drive import DriveOutcome, DriveTask, run_drive
@@ -79,9 +77,9 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
     find_agent(config.agent)
     if config.sensors is not None:
         find_suite(config.sensors)
-    digests = {entry.town: _check(entry, config) for entry in entries}
-    claim_folder(config.out, config.overwrite)
     tasks = list(_tasks(entries, config))
+    digests = {task.entry.town: _check(task) for task in tasks if task.repetition == 0}
+    claim_folder(config.out, config.overwrite)
     results = Results(rules, len(tasks))
     run: dict[str, Any] = {
         "schema": RUN_SCHEMA,
@@ -116,20 +114,14 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
     return made
 
 
-def _check(entry: RouteEntry, config: EvaluationConfig) -> str:
-    """The digest of the route's town, once it is known that the route can be driven there."""
+def _check(task: DriveTask) -> str:
+    """The digest of the route's town, once it is known that the route and its hazards can be driven there."""
+    entry = task.entry
     try:
-        town = load_town(entry.town, config.town_path)
-        get_planner(town).trace(entry.keypoints)
-        for spec in entry.scenarios:
-            make_scenario(spec)
-    except UnknownName:
-        raise
-    except RouteError as error:
-        raise RouteError(f"{entry.source}: {error}") from None
+        return Simulation(task.spec()).town.digest
     except LavsimError as error:
-        raise type(error)(f"{entry.source}: {error}") from None
-    return town.digest
+        where = entry.file if str(error).startswith("route ") else f"{entry.source}:"
+        raise RouteError(f"{where} {error}") from None
 
 
 def _tasks(entries: Sequence[RouteEntry], config: EvaluationConfig) -> Iterator[DriveTask]:

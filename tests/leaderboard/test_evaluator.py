@@ -14,6 +14,8 @@ from lavsim.errors import AgentError, ConfigError, OutputError, RouteError, Unkn
 from lavsim.map.town_map import load_town
 from lavsim.types import LaneType
 from leaderboard.evaluator import EvaluationConfig, Progress, evaluate
+from leaderboard.observer import CriteriaObserver
+from leaderboard.recorded import RecordedDrive
 from leaderboard.run import Run
 from leaderboard.sensor_check import check_sensors
 from tests.leaderboard.worlds import V1, V20
@@ -114,6 +116,15 @@ def test_one_seed_gives_the_same_bytes_and_repetitions_differ(tmp_path: Path) ->
     assert second not in (3, 4)
     assert [drive["seed"] for drive in runs[0].run["drives"]] == [first, second]
     assert str(tmp_path) not in (runs[0].folder / "results.json").read_text()
+    watched = CriteriaObserver(V1)  # the recorded drive is judged as the live one
+    drive = RecordedDrive.open(logs[0][0])
+    watched.watch(drive.town, drive.route)
+    endings = [watched.observe(snapshot) for snapshot in drive.log]
+    watched.close(None)
+    verdict = watched.verdict()
+    assert endings[-1] == runs[0].run["drives"][0]["ending"] == "completed"
+    assert [i.to_json() for i in verdict.infractions] == runs[0].run["drives"][0]["infractions"]
+    assert verdict.duration == runs[0].records[0]["meta"]["duration_game"]
 
 
 def test_benchmark_id_belongs_to_routes_and_rules(tmp_path: Path) -> None:
@@ -150,13 +161,29 @@ def test_mistakes_are_said_before_anything_is_written(
 
 def test_routes_that_cannot_be_driven_are_named(tmp_path: Path) -> None:
     for more, message in (
-        ({"town": "eu_smal_a"}, r"no town 'eu_smal_a'\. Did you mean 'eu_small_a'"),
+        ({"town": "eu_smal_a"}, r"short\.xml, route 0: no town 'eu_smal_a'\. Did you mean 'eu_small_a'"),
         ({"ends": [(5000.0, 0.0), (0.0, 0.0)]}, r"short\.xml, route 0: .*5000"),
     ):
         made = config(tmp_path, "go")
         route_file(tmp_path, 1, **more)
-        with pytest.raises((RouteError, UnknownName), match=message):
+        with pytest.raises(RouteError, match=message):
             evaluate(made)
+        assert not made.out.exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"), [("DynamicObjectCrosing", "Did you mean"), ("DynamicObjectCrossing", "no parameter 'dist'")]
+)
+def test_hazards_that_cannot_be_made_are_named_before_the_first_drive(tmp_path: Path, kind: str, message: str) -> None:
+    made = config(tmp_path, "go")
+    path = Path(made.routes)
+    x, y = straight_ends()[0]
+    trigger = f'<trigger_point x="{x}" y="{y}" z="0" yaw="0"/><dist value="12"/>'
+    hazard = f'<scenarios><scenario name="a" type="{kind}">{trigger}</scenario></scenarios>'
+    path.write_text(path.read_text().replace("</waypoints>", f"</waypoints>{hazard}"))
+    with pytest.raises(RouteError, match=rf"short\.xml, route 0: .*{message}"):
+        evaluate(made)
+    assert not made.out.exists()
 
 
 def test_a_folder_with_a_run_is_kept_without_overwrite(tmp_path: Path) -> None:
