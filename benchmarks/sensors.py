@@ -1,0 +1,125 @@
+"""Milliseconds of processor time per reading of each sensor of the LAV suite, on one core.
+
+    python -m benchmarks.sensors [--town eu_small_a] [--vehicles 100] [--walkers 50] [--places 40]
+
+The ego stands at many places of a town among vehicles on the lanes and walkers beside them; medians over the places.
+Every reading is of a fresh snapshot, so nothing is remembered from another reading; placing the actors is a row of its
+own. A tilted LiDAR and images by kind are measured besides.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Sequence
+from copy import copy
+
+import numpy as np
+
+from lavsim.map.town_map import TownMap, load_town
+from lavsim.random import Draws
+from lavsim.render.scene import Scene, get_scene
+from lavsim.render.sheet import CAMERAS
+from lavsim.sensors.base import SensorSuite, make_sensor
+from lavsim.sensors.suites import LAV
+from lavsim.types import ActorClass, LaneType, LightState
+from lavsim.world.blueprints import BLUEPRINTS
+from lavsim.world.snapshot import Snapshot
+from tests.snapshots import EGO, Body, snapshot_of
+
+
+def bodies_of(town: TownMap, vehicles: int, walkers: int) -> list[Body]:
+    """Vehicles on driving lanes and walkers on the right of them, spread over the town."""
+    rng = np.random.default_rng(0)
+    driving = np.flatnonzero(town.lanes.type == LaneType.DRIVING)
+    weight = town.lanes.length[driving] / town.lanes.length[driving].sum()
+    kinds = [b for b in BLUEPRINTS.values() if b.weight > 0.0]
+    share = np.array([b.weight for b in kinds]) / sum(b.weight for b in kinds)
+    bodies = []
+    for number in range(vehicles + walkers):
+        lane = rng.choice(driving, p=weight)
+        x, y, z, yaw, _ = town.centre([lane], [rng.uniform(0.0, town.lanes.length[lane])])[0]
+        paint = (int(rng.integers(256)), int(rng.integers(256)), int(rng.integers(256)))
+        if number < vehicles:
+            kind = kinds[rng.choice(len(kinds), p=share)]
+            bodies.append(Body(1_000 + number, x, y, z, yaw, kind=kind.actor_class, size=kind.size, colour=paint,
+                               blueprint=kind.name, lights=int(rng.choice([0, 8, 32]))))  # fmt: skip
+        else:
+            x, y = x - 3.2 * np.sin(yaw), y + 3.2 * np.cos(yaw)
+            bodies.append(Body(100_000 + number, x, y, z, yaw, kind=ActorClass.WALKER, size=(0.38, 0.38, 1.86),
+                               colour=paint, blueprint="walker.pedestrian.0001"))  # fmt: skip
+    return bodies
+
+
+def snapshots_in(town: TownMap, bodies: Sequence[Body], places: int) -> list[Snapshot]:
+    rng = np.random.default_rng(1)
+    driving = np.flatnonzero((town.lanes.type == LaneType.DRIVING) & (town.lanes.length > 20.0))
+    lights = [int(LightState.RED), int(LightState.GREEN)] * (len(town.lights) // 2 + 1)
+    found = []
+    for tick in range(places):
+        lane = rng.choice(driving)
+        x, y, z, yaw, _ = town.centre([lane], [rng.uniform(0.0, town.lanes.length[lane])])[0]
+        ego = Body(EGO.id, x, y, z, yaw, role=EGO.role, size=EGO.size, colour=EGO.colour, blueprint=EGO.blueprint)
+        found.append(snapshot_of([ego, *bodies], tick=tick, lights=lights[: len(town.lights)]))
+    return found
+
+
+def median_ms(snapshots: Sequence[Snapshot], scene: Scene, work: Callable[[Snapshot], object], placed: bool) -> float:
+    """Median of `work` over the snapshots, twice each; the first round warms up."""
+    times = []
+    for _ in range(2):
+        times.clear()
+        for snapshot in map(copy, snapshots):
+            if placed:
+                scene.actors(snapshot)
+            begin = time.thread_time()
+            work(snapshot)
+            times.append(time.thread_time() - begin)
+    return float(np.median(times)) * 1e3
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--town", default="eu_small_a")
+    parser.add_argument("--vehicles", type=int, default=100)
+    parser.add_argument("--walkers", type=int, default=50)
+    parser.add_argument("--places", type=int, default=40)
+    args = parser.parse_args()
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    town, draws = load_town(args.town), Draws.of_seed(0)
+    scene = get_scene(town)
+    snapshots = snapshots_in(town, bodies_of(town, args.vehicles, args.walkers), args.places)
+    scene.actors(snapshots[0])
+    first = snapshots[0].table
+    snapshots = [snapshot_with(s, first) for s in snapshots]
+
+    def show(name: str, work: Callable[[Snapshot], object], placed: bool = True) -> None:
+        print(f"{name:34s} {median_ms(snapshots, scene, work, placed):7.3f} ms")
+
+    actors = len(scene.actors(snapshots[0]).z0)
+    print(
+        f"{town.name}: {len(scene.statics.z0)} static solids, {args.vehicles + args.walkers} actors of {actors} solids"
+    )
+    show("placing the actors", scene.actors, placed=False)
+    for values in LAV:
+        sensor = make_sensor(values)
+        show(f"{values['id']} ({values['type']})", lambda s, sensor=sensor: sensor.read([s], scene, draws))  # type: ignore[misc]
+    tilted = make_sensor({"type": "sensor.lidar.ray_cast", "id": "tilted", "z": 2.4, "pitch": 2.0})
+    show("LiDAR, tilted by 2 degrees", lambda s: tilted.read([s], scene, draws))
+    for name, view in CAMERAS[1::2]:
+        show(f"{name}: tags and depth", lambda s, view=view: (view.labels(s, scene), view.depth(s, scene)))  # type: ignore[misc]
+        show(f"{name}: all four images", lambda s, view=view: view.render(s, scene))  # type: ignore[misc]
+    suite = SensorSuite(scene, LAV, draws)
+    show("the whole suite", lambda s: suite.read([s]), placed=False)
+
+
+def snapshot_with(snapshot: Snapshot, table: object) -> Snapshot:
+    """The same moment with a shared actor table, as ticks of one drive have it."""
+    shared = copy(snapshot)
+    object.__setattr__(shared, "table", table)
+    return shared
+
+
+if __name__ == "__main__":
+    main()

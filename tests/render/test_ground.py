@@ -1,0 +1,57 @@
+"""The ground of a bundled town."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lavsim.map.town_map import load_town
+from lavsim.render.ground import GroundRaster, Surface, ground_raster
+from lavsim.types import LaneType
+
+TOWN = "eu_small_a"
+PAINT = [Surface.CROSSWALK, Surface.STOP_LINE, Surface.WHITE_BROKEN, Surface.WHITE_SOLID, Surface.YELLOW_BROKEN]
+DRIVEN = [Surface.ROAD, Surface.CROSSWALK_GAP, *PAINT]
+
+
+@pytest.fixture
+def ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> GroundRaster:
+    monkeypatch.setenv("LAVSIM_CACHE", str(tmp_path))
+    return ground_raster(load_town(TOWN))
+
+
+def test_lane_centres_lie_on_their_surface(ground: GroundRaster) -> None:
+    town = load_town(TOWN)
+    rows = np.repeat(np.arange(len(town.lanes)), np.diff(town.lanes.first))
+    kind = town.lanes.type[rows]
+    below = ground.at(town.lanes.points[:, :2])
+    assert np.isin(below[kind == LaneType.DRIVING], DRIVEN).all()
+    assert (below[kind == LaneType.SIDEWALK] == Surface.SIDEWALK).mean() > 0.97  # kerbs and corners take the rest
+
+
+def test_crosswalks_and_stop_lines_are_painted(ground: GroundRaster) -> None:
+    town = load_town(TOWN)
+    centres = np.array([np.asarray(polygon)[:-1].mean(axis=0) for polygon in town.crosswalks])
+    assert np.isin(ground.at(centres), [Surface.CROSSWALK, Surface.CROSSWALK_GAP]).all()
+    for light in town.lights:
+        for stop in light.stop_lines:
+            u = stop.paint_u + np.linspace(-2.0, 2.0, 41)
+            path = town.centre(np.full(41, stop.lane), u)[:, :2]
+            assert (ground.at(path) == Surface.STOP_LINE).any()
+
+
+def test_drawn_once_and_read_again(ground: GroundRaster) -> None:
+    again = ground_raster(load_town(TOWN))
+    assert isinstance(again.classes, np.ndarray)
+    assert not again.classes.flags.writeable
+    assert (again.classes == ground.classes).all()
+    assert (again.origin == ground.origin).all()
+
+
+def test_scenery_leaves_the_road_free(ground: GroundRaster) -> None:
+    prisms = load_town(TOWN).scenery.prisms
+    low = prisms.z0 < 3.0
+    corners = prisms.vertices[low].reshape(-1, 2)
+    assert not np.isin(ground.at(corners), DRIVEN).any()
