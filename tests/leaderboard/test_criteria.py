@@ -8,10 +8,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lavsim.types import DT, LaneType, LightState, Role
 from lavsim.world.snapshot import HAZARD_EMERGENCY_TEST, HAZARD_OWNS_TIMER, HAZARD_WRONG_LANE_OFF
-from leaderboard.criteria.base import COMPLETED, criteria_of
+from leaderboard.criteria.base import COMPLETED, CRITERIA, criteria_of
 from leaderboard.criteria.blocked import Blocked
 from leaderboard.criteria.completion import Completion
 from leaderboard.criteria.min_speed import MinSpeed
@@ -21,6 +23,7 @@ from leaderboard.criteria.route_deviation import RouteDeviation
 from leaderboard.criteria.route_timeout import RouteTimeout
 from leaderboard.criteria.scenario_timeout import ScenarioTimeout
 from leaderboard.criteria.yield_emergency import YieldEmergency
+from leaderboard.progress import PlaneProgress
 from leaderboard.rules import RULES, Rules
 from tests.leaderboard.worlds import V1, V20, Strip, StripTown, along, drive, ego_at, straight_route
 from tests.snapshots import EGO, Body
@@ -341,3 +344,37 @@ def test_yield_fires_if_the_ego_is_still_ahead_when_the_hazard_ends(behind: floa
     during = [ego_at(0.0, tick=k, others=(car,), hazards=[(0, HAZARD_EMERGENCY_TEST)]) for k in range(5)]
     assert len(drive(YieldEmergency(V20), [*during, ego_at(0.0, tick=5)])) == count
     assert len(drive(YieldEmergency(V20), during)) == count
+
+
+# ---------------------------------------------------------------- all of them
+
+
+@pytest.mark.parametrize("version", sorted(RULES))
+def test_every_criterion_spares_a_plain_drive_and_starts_afresh(version: str) -> None:
+    """A new criterion is held to this the moment its file exists."""
+    rules = RULES[version]
+    classes = criteria_of(rules)
+    assert len({c.order for c in classes}) == len(classes)
+    keys = [charge.key for c in classes for charge in c.charges]
+    assert len(set(keys)) == len(keys)
+    for kind in classes:
+        assert CRITERIA[kind.name] is kind
+        criterion = kind(rules)
+        for _ in range(2):
+            assert drive(criterion, along(*STEPS)) == []
+            assert criterion.ending is None
+
+
+@given(
+    places=st.lists(st.tuples(st.floats(-20.0, 120.0), st.floats(-50.0, 50.0)), max_size=40), window=st.integers(1, 5)
+)
+def test_progress_never_goes_back_and_never_jumps_past_its_window(
+    places: list[tuple[float, float]], window: int
+) -> None:
+    progress = PlaneProgress(straight_route(), window)
+    for x, y in places:
+        before = progress.index
+        passed = progress.advance(x, y)
+        assert progress.index == (passed[-1] if passed else before)
+        assert before <= progress.index <= before + window
+        assert passed == sorted(passed)

@@ -94,6 +94,22 @@ def test_a_failing_agent_loses_its_route_and_no_other(tmp_path: Path) -> None:
     assert max(p.completion for p in seen) == 100.0
 
 
+def test_a_crash_of_the_simulation_loses_its_route_and_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def crash(*_: object) -> None:
+        raise ZeroDivisionError("in a kernel")
+
+    made = config(tmp_path, "go go")
+    with monkeypatch.context() as patch:
+        patch.setattr("leaderboard.drive.run_episode", crash)
+        run = evaluate(made)
+    assert statuses(run) == ["Failed - Simulation crashed"] * 2
+    assert run.results["entry_status"] == "Crashed"
+    assert run.run["drives"][0]["ending"] == "ZeroDivisionError: in a kernel"
+    assert "the simulation crashed" in caplog.text
+
+
 def without_clock(run: Run) -> dict[str, Any]:
     content = json.loads((run.folder / "results.json").read_text())
     for record in [*content["_checkpoint"]["records"], content["_checkpoint"]["global_record"]]:
