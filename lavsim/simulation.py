@@ -174,10 +174,13 @@ class Simulation:
         index = self._trigger_index(spec)
         if index is None:
             return None
-        anchor = self.town.waypoint(np.array(spec.trigger[:2]))
+        anchor = self.town.waypoint_at(int(self.route.lane[index]), float(self.route.u[index]))
         reason = scenario.fits(anchor)
         if reason is not None:
-            raise RouteError(f"route {self.spec.route_id}, scenario {spec.name}: {spec.type} does not fit: {reason}.")
+            where = f"({spec.trigger[0]:.1f}, {spec.trigger[1]:.1f})"
+            raise RouteError(
+                f"route {self.spec.route_id}, scenario {spec.name}: {spec.type} does not fit at {where}: {reason}."
+            )
         stage = Stage(self._world, self.route, anchor, instance, lambda: float(self.route.distance[self._index]))
         return _Hazard(spec, scenario, stage, index)
 

@@ -17,6 +17,7 @@ from lavsim.world.blueprints import find_blueprint
 
 _WALK_SPEED = 2.0  # [m/s]
 _BLOCKER_SHARE = 0.9  # the blocker stands at that share of the line from the trigger to the walker
+_CLEAR_BEFORE = 6.0  # [m] before the walker that must lie outside junctions: the blocker stands there
 _MARGIN = 0.3  # [m] between the kerb and what stands beside it
 
 
@@ -60,15 +61,13 @@ class DynamicObjectCrossing(Scenario):
     Config = DynamicObjectCrossingConfig
 
     def fits(self, anchor: Waypoint) -> str | None:
-        if anchor.is_junction:
-            return "the trigger lies in a junction"
-        here = anchor
-        for _ in range(math.ceil(self.config.distance)):
-            if not here.next(1.0):
-                return f"the road ends within {self.config.distance:g} m of the trigger"
-            here = here.ahead(1.0)
-            if here.is_junction:
-                return f"a junction begins within {self.config.distance:g} m of the trigger"
+        distance = self.config.distance
+        for back in (0.0, _CLEAR_BEFORE):
+            place = _walk(anchor, max(distance - back, 0.0))
+            if place is None:
+                return f"the road ends within {distance:g} m of the trigger"
+            if place.is_junction:
+                return f"the place {distance:g} m after the trigger lies at or just behind a junction"
         return None
 
     def place(self, stage: Stage) -> None:
@@ -100,6 +99,14 @@ class DynamicObjectCrossing(Scenario):
             if np.hypot(*(self.walker.xy - walked_from)) >= self._length:
                 self.walker.walk(np.zeros(2))
             yield
+
+
+def _walk(anchor: Waypoint, distance: float) -> Waypoint | None:
+    """The lane centre `distance` m on, by the first branch; None beyond the end of the road."""
+    if distance == 0.0:
+        return anchor
+    reached = anchor.next(distance)
+    return reached[0] if reached else None
 
 
 def _kerb(crossing: Waypoint, side: float) -> float:

@@ -93,7 +93,7 @@ def test_a_trigger_off_the_route_is_ignored() -> None:
 
 def test_where_a_junction_follows_at_once_it_does_not_fit() -> None:
     spec = hazard("DynamicObjectCrossing", len(straight_route()) - 3, distance="20")
-    with pytest.raises(RouteError, match=r"route straight, scenario DynamicObjectCrossing_1: .*within 20 m"):
+    with pytest.raises(RouteError, match=r"route straight, scenario DynamicObjectCrossing_1: .*20 m after the trigger"):
         Simulation(straight_drive(scenarios=(spec,)))
 
 
