@@ -33,6 +33,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+# Typer carries its own copy of click from some version on; this is the base of its errors in either.
+_USAGE_ERROR: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
+
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON array on stdout and nothing else.")]
 TownPath = Annotated[
     list[Path] | None, typer.Option("--town-path", help="Folder with towns (*.xodr); may be given again.")
@@ -43,16 +46,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command; the exit code is 0, or 2 for a user's mistake, told in one line on stderr."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr)
     try:
-        app(args=None if arguments is None else list(arguments), prog_name="lavsim")
+        code = app(args=None if arguments is None else list(arguments), prog_name="lavsim", standalone_mode=False)
     except LavsimError as error:
-        print(f"lavsim: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    except SystemExit as end:
-        return end.code if isinstance(end.code, int) else int(end.code is not None)
+        return _refuse(str(error))
+    except _USAGE_ERROR as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            error.show()
+            return 2
+        context = getattr(error, "ctx", None)
+        return _refuse(
+            f"{error.format_message().rstrip('.')}. See '{context.command_path if context else 'lavsim'} --help'."
+        )
+    except (typer.Abort, KeyboardInterrupt):
+        print("lavsim: interrupted", file=sys.stderr)
+        return 130
     except BrokenPipeError:  # `lavsim … | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    return 0
+    return code if isinstance(code, int) else 0
+
+
+def _refuse(message: str) -> int:
+    print(f"lavsim: {' '.join(message.split())}", file=sys.stderr)
+    return 2
 
 
 @app.command()
@@ -127,7 +143,7 @@ def towns(town_path: TownPath = None, as_json: AsJson = False) -> None:
     from lavsim.types import LaneType
 
     search = _towns_at(town_path)
-    entries = []
+    entries: list[dict[str, Any]] = []
     for name in town_names(search):
         try:
             town = load_town(name, search)
@@ -223,12 +239,16 @@ def show(
     town_path: TownPath = None,
 ) -> None:
     """Draw a town, routes, or the drives of a run; prints the paths of the pictures."""
-    from lavsim.show import show_town
-
     search, folder = _towns_at(town_path), out or Path("runs/show")
     kind = _kind_of(what, search)
     if kind == "town":
-        pictures = [show_town(what, folder, search)]
+        from lavsim.map.town_map import load_town
+        from lavsim.render.birdseye import draw_town
+        from lavsim.render.canvas import write_png
+
+        folder.mkdir(parents=True, exist_ok=True)
+        pictures = [folder / f"{what}.png"]
+        write_png(draw_town(load_town(what, search)).image, pictures[0])
     elif kind == "routes":
         from leaderboard.picture import draw_routes
 
@@ -237,7 +257,7 @@ def show(
         from leaderboard.run import Run
 
         run = Run.load(Path(what))
-        pictures = sorted(p for p in (run.folder / "pictures").glob("*.png"))
+        pictures = sorted((run.folder / "pictures").glob("*.png"))
         if not pictures:
             raise OutputError(f"{what} has no pictures")
     for picture in pictures:
@@ -334,12 +354,12 @@ class _Bar:
             console=self._console,
             transient=True,
         )
-        self._task = self._bars.add_task("setting up", total=1.0)
+        self._task = self._bars.add_task("", total=1.0)
         self._done = 0
-        self._bars.start()
         return self
 
     def update(self, progress: Progress) -> None:
+        self._bars.start()  # only now: a mistake that is found before the first drive gets its one line and no more
         records = progress.results.records
         for record in records[self._done :]:
             self._console.print(
@@ -353,4 +373,5 @@ class _Bar:
         self._bars.update(self._task, description=text, completed=min(share, 1.0))
 
     def __exit__(self, *_: object) -> None:
-        self._bars.stop()
+        if self._bars.live.is_started:
+            self._bars.stop()

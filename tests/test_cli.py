@@ -1,0 +1,111 @@
+"""The command line: lists, mistakes in one line with exit code 2, and nothing but JSON where JSON was asked for."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lavsim.cli import main
+
+ROUTE = """<routes traffic="empty">
+  <route id="0" town="{town}">
+    <waypoints><position x="{x}" y="0" z="0"/><position x="1" y="1" z="0"/></waypoints>
+  </route>
+</routes>"""
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """What a wrong command line says: one line on stderr, nothing on stdout, exit code 2."""
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = captured.err.strip().splitlines()
+    assert len(lines) == 1, captured.err
+    return lines[0]
+
+
+@pytest.mark.parametrize("command", ["towns", "routes", "agents", "sensors", "scenarios"])
+def test_every_list_prints_one_json_array_of_objects(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "--json"]) == 0
+    captured = capsys.readouterr()
+    entries = json.loads(captured.out)
+    assert captured.err == ""
+    assert entries
+    assert all(isinstance(entry, dict) for entry in entries)
+    assert main([command]) == 0
+    assert str(next(iter(entries[0].values()))) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["scoer"], ["scoer", "'score'"]),
+        (["score"], ["--agent"]),
+        (["score", "--agent", "agents.idle", "--seed", "x"], ["--seed", "integer"]),
+        (["score", "--agent", "agents.idel:IdleAgent"], ["agents.idel", "agents.idle"]),
+        (["score", "--agent", "agents.idle:IdelAgent"], ["IdelAgent", "IdleAgent"]),
+        (["score", "--agent", "nowhere/agent.py"], ["nowhere"]),
+        (["score", "--agent", "agents.idle", "--routes", "quik"], ["quik", "quick"]),
+        (["score", "--agent", "agents.idle", "--rules", "1.5"], ["1.5", "2.1"]),
+        (["score", "--agent", "agents.idle", "--route-ids", "77"], ["77", "quick.xml"]),
+        (["score", "--agent", "agents.idle", "--traffic", "dense"], ["dense", "empty"]),
+        (["score", "--agent", "agents.idle", "--sensors", "lva"], ["lva", "'lav'"]),
+        (["score", "--agent", "agents.idle", "--track", "RAILS"], ["RAILS", "SENSORS"]),
+        (["score", "--agent", "agents.idle", "--repetitions", "0"], ["repetitions", "0"]),
+        (["towns", "--town-path", "/nowhere"], ["/nowhere"]),
+        (["show", "eu_smal_a"], ["eu_smal_a", "eu_small_a"]),
+        (["report", "/nowhere"], ["/nowhere"]),
+    ],
+)
+def test_mistakes_get_one_line(
+    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    if arguments[0] == "score":
+        arguments = [*arguments, "--out", str(tmp_path / "run")]
+    line = refusal(capsys, *arguments)
+    assert line.startswith("lavsim: ")
+    for word in words:
+        assert word in line
+    assert not (tmp_path / "run").exists(), "nothing is left by a run that never began"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<routes>", ["bad.xml"]),
+        (ROUTE.format(town="eu_small", x=0), ["eu_small", "eu_small_a"]),
+        (ROUTE.format(town="eu_small_a", x=99999), ["bad.xml", "waypoint 0", "off the nearest driving lane"]),
+        (ROUTE.format(town="eu_small_a", x="one"), ["bad.xml", "line 3"]),
+    ],
+)
+def test_mistakes_in_route_files_get_one_line(
+    text: str, words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "bad.xml").write_text(text)
+    out = ["--out", str(tmp_path / "run")]
+    line = refusal(capsys, "score", "--agent", "agents.idle", "--routes", str(tmp_path / "bad.xml"), *out)
+    for word in words:
+        assert word in line
+
+
+def test_folder_that_holds_a_run_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text("{}")
+    line = refusal(capsys, "score", "--agent", "agents.idle", "--out", str(tmp_path))
+    assert "--overwrite" in line
+
+
+def test_show_draws_a_town(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["show", "eu_small_a", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "eu_small_a.png").stat().st_size > 10_000
+    assert "eu_small_a.png" in capsys.readouterr().out
+
+
+def test_python_m_lavsim_runs_the_command_line() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "lavsim", "agents", "--json"], capture_output=True, text=True, check=True
+    )
+    assert "agents.behavior:BehaviorAgent" in {entry["agent"] for entry in json.loads(done.stdout)}
