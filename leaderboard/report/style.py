@@ -39,6 +39,7 @@ table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nu
 th, td { text-align: left; padding: 8px 12px; border-bottom: 1px solid var(--edge); vertical-align: top; }
 tr:last-child > td { border-bottom: 0; }
 th { color: var(--soft); font-weight: 550; font-size: .86rem; white-space: nowrap; }
+.wide td:last-child { min-width: 9rem; }
 td:first-child a { white-space: nowrap; }
 .num { text-align: right; white-space: nowrap; }
 .bar { background: linear-gradient(to right, var(--bar) var(--share), transparent var(--share)); }
