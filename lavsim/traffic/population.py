@@ -46,7 +46,7 @@ class Traffic:
     def __init__(self, town: TownMap, world: World, draws: Draws, count: int) -> None:
         self._world = world
         self._draws = draws.stream("traffic")
-        self._lanes = lanes_of(town.lanes)
+        self._lanes = lanes_of(town)
         self._bounds = np.asarray(town.bounds) + np.array([-20.0, -20.0, 20.0, 20.0])
         self._grid = make_grid(self._bounds, 256)
         points = spawn_points(town)

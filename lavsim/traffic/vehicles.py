@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
 from lavsim.kernel_draws import draw_at, draw_base
-from lavsim.map.lane import LaneTable
+from lavsim.map.town_map import TownMap
 from lavsim.traffic.obstacles import Boxes, Grid, obstacle_at
 from lavsim.types import DT, LightState, RoadOption, VehicleLight
 
@@ -41,7 +41,7 @@ _BRAKE_LIGHT, _LEFT_BLINKER, _RIGHT_BLINKER = (
 
 
 class Lanes(NamedTuple):
-    """The columns of `LaneTable` that drivers read."""
+    """The columns of `LaneTable` that drivers read, and `setback`: from the line to stop at to the lane's end [m]."""
 
     first: NDArray[np.int32]
     step: NDArray[np.float64]
@@ -56,11 +56,17 @@ class Lanes(NamedTuple):
     conflict_first: NDArray[np.int32]
     conflict: NDArray[np.int32]
     conflict_u: NDArray[np.float64]
+    setback: NDArray[np.float64]
 
 
-def lanes_of(table: LaneTable) -> Lanes:
-    """The columns of `table` that drivers read."""
-    return Lanes(*(np.ascontiguousarray(getattr(table, name)) for name in Lanes._fields))
+def lanes_of(town: TownMap) -> Lanes:
+    """What drivers read of a town."""
+    columns = [np.ascontiguousarray(getattr(town.lanes, name)) for name in Lanes._fields[:-1]]
+    setback = np.zeros(len(town.lanes))
+    for light in town.lights:
+        for line in light.stop_lines:
+            setback[line.lane] = max(setback[line.lane], town.lanes.length[line.lane] - line.paint_u)
+    return Lanes(*columns, setback)
 
 
 class Fleet(NamedTuple):
@@ -259,7 +265,7 @@ def _line_distance(
     if lanes.junction[fleet.lane[i]] >= 0:
         return np.inf
     ahead = lanes.length[fleet.lane[i]] - fleet.u[i] - half
-    target, k = -1, 0
+    target, k, last = -1, 0, fleet.lane[i]
     while k < PATH_LANES and ahead < 80.0:
         lane = fleet.path[i, k]
         if lane < 0:
@@ -268,6 +274,7 @@ def _line_distance(
             target = lane
             break
         ahead += lanes.length[lane]
+        last = lane
         k += 1
     if target < 0:
         return np.inf
@@ -275,7 +282,7 @@ def _line_distance(
     state = _GREEN if light < 0 else int(lights[light])
     if fleet.committed[i] == target and (state != _RED or ahead < 0.0):
         return np.inf
-    gap = ahead - _LINE_GAP
+    gap = ahead - lanes.setback[last] - _LINE_GAP
     if state == _RED or (state == _YELLOW and gap > 0.0 and speed * speed < 2.0 * _YELLOW_BRAKE * gap):
         fleet.committed[i] = -1
         return max(gap, 0.0)
