@@ -13,7 +13,7 @@ from lavsim.render.frame import Mount
 from lavsim.render.ground import GroundRaster, ground_raster
 from lavsim.render.shapes import Look, Part, parts_of
 from lavsim.render.solids import Solids, solids_of
-from lavsim.render.zbuffer import Pinhole, Visibility, draw_visibility
+from lavsim.render.zbuffer import Buffers, Pinhole, Visibility, draw_visibility, new_buffers
 from lavsim.world.snapshot import ActorTable, Snapshot
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ class Scene:
         self._snapshot: Snapshot | None = None
         self._actors: Solids | None = None
         self._views: dict[tuple[Pinhole, Mount], Visibility] = {}
+        self._spare: dict[tuple[int, ...], list[Buffers]] = {}
 
     @property
     def town(self) -> TownMap:
@@ -92,16 +93,20 @@ class Scene:
         return self._actors
 
     def view(self, snapshot: Snapshot, lens: Pinhole, mount: Mount) -> Visibility:
-        """What a camera on the ego sees."""
+        """What a camera on the ego sees; its arrays are drawn over once another snapshot is looked at."""
         self._turn_to(snapshot)
         key = (lens, mount)
         if key not in self._views:
-            self._views[key] = draw_visibility(lens, mount.pose(snapshot), self.statics, self.actors(snapshot))
+            spare = self._spare.get((lens.height, lens.width))
+            buffers = spare.pop() if spare else new_buffers(lens)
+            self._views[key] = draw_visibility(lens, mount.pose(snapshot), self.statics, self.actors(snapshot), buffers)
         return self._views[key]
 
     def _turn_to(self, snapshot: Snapshot) -> None:
         if snapshot is not self._snapshot:
             self._snapshot, self._actors = snapshot, None
+            for view in self._views.values():
+                self._spare.setdefault(view.face.shape, []).append((view.face, view.inverse_depth))
             self._views.clear()
 
     def _templates_of(self, table: ActorTable) -> _Templates:

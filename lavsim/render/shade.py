@@ -34,7 +34,8 @@ LAMP_GLOW, UNLIT = 0.8, 0.22  # of a signal lamp: how little fog takes of it whi
 
 # Columns of the face table.
 _RED, _GREEN, _BLUE, _GLOW, _START_X, _START_Y, _TANGENT_X, _TANGENT_Y, _LENGTH, _Z0, _Z1 = range(11)
-_COLUMNS = 11
+_MARGIN, _BAYS, _STOREYS, _SEED = range(11, 15)  # of walls: wall beside the windows, length and height with windows [m]
+_COLUMNS = 15
 
 
 def shade(
@@ -122,6 +123,10 @@ def _fill_face(out, solids, k, side, look):  # type: ignore[no-untyped-def]
         out[c] = solids.colour[k, c] * light
     out[_GLOW], out[_START_X], out[_START_Y], out[_TANGENT_X], out[_TANGENT_Y] = 0.0, x, y, tx, ty
     out[_LENGTH], out[_Z0], out[_Z1] = length, solids.z0[k], solids.z1[k]
+    tall = solids.z1[k] - solids.z0[k]
+    out[_BAYS] = int(length / BAY) * BAY if tall >= STOREY else 0.0
+    out[_STOREYS], out[_MARGIN] = int(tall / STOREY) * STOREY, (length - out[_BAYS]) / 2.0
+    out[_SEED] = (k * 37 + side * 11) & 0xFFFF
 
 
 @kernel
@@ -134,82 +139,121 @@ def _hash(a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _pack(red, green, blue):  # type: ignore[no-untyped-def]
-    """One BGRA pixel as a little-endian word."""
-    top = np.float32(255.0)
-    r, g, b = np.int32(min(red, top)), np.int32(min(green, top)), np.int32(min(blue, top))
-    return np.uint32(b | (g << np.int32(8)) | (r << np.int32(16))) | np.uint32(0xFF000000)
-
-
-@kernel
 def _shade(  # type: ignore[no-untyped-def]
     face, inverse_depth, focal, origin, axes, classes, corner, per_metre,
     look, table, material, side, state, headlights, blink,
 ):  # fmt: skip
+    """Row by row: places first, then their colours, then air and packing; only the colours need branches."""
     height, width = face.shape
     pixels = np.empty((height, width), np.uint32)
-    rows, columns = classes.shape
-    one, beams = np.float32(1.0), headlights[3] > 0.0
-    cos_ego, sin_ego, strength = np.cos(headlights[2]), np.sin(headlights[2]), np.float32(headlights[3])
-    haze_r, haze_g, haze_b = look.haze[0], look.haze[1], look.haze[2]
-    is_night = look.night > 0.5
+    place, depth = np.empty((2, width)), np.empty(width)
+    paint = np.empty((4, width), np.float32)  # red, green, blue, glow
     for row in range(height):
         v = (row + 0.5 - height / 2.0) / focal
-        base_x, base_y, base_z = axes[0, 0] - v * axes[0, 2], axes[1, 0] - v * axes[1, 2], axes[2, 0] - v * axes[2, 2]
-        for column in range(width):
-            u = (column + 0.5 - width / 2.0) / focal
-            inverse = inverse_depth[row, column]
-            if inverse <= 0.0:
-                step = int(min(max(base_z + u * axes[2, 1], 0.0), 1.0) * (SKY_STEPS - 1))
-                pixels[row, column] = _pack(look.sky[step, 0], look.sky[step, 1], look.sky[step, 2])
-                continue
-            depth = 1.0 / inverse
-            f = face[row, column]
-            x = origin[0] + depth * (base_x + u * axes[0, 1])
-            y = origin[1] + depth * (base_y + u * axes[1, 1])
-            glow = np.float32(0.0)
-            if f < 0:
-                cx, cy = int(np.floor((x - corner[0]) * per_metre)), int(np.floor((y - corner[1]) * per_metre))
-                surface = classes[cy, cx] if 0 <= cx < columns and 0 <= cy < rows else np.uint8(0)
-                grain = one + look.grain[surface] * _hash(cx >> 1, cy >> 1)
-                red, green, blue = look.ground[surface, 0], look.ground[surface, 1], look.ground[surface, 2]
-                red, green, blue = red * grain, green * grain, blue * grain
-            else:
-                red, green, blue, glow = table[f, _RED], table[f, _GREEN], table[f, _BLUE], table[f, _GLOW]
-                kind = material[f]
-                if kind == _FOLIAGE:
-                    z = origin[2] + depth * (base_z + u * axes[2, 1])
-                    grain = one + _leaves(x, y, z) * np.float32(min(1.0, 40.0 / depth))
-                    red, green, blue = red * grain, green * grain, blue * grain
-                elif kind != _PLAIN:
-                    up = origin[2] + depth * (base_z + u * axes[2, 1]) - table[f, _Z0]
-                    along = (x - table[f, _START_X]) * table[f, _TANGENT_X]
-                    along += (y - table[f, _START_Y]) * table[f, _TANGENT_Y]
-                    tall, length = table[f, _Z1] - table[f, _Z0], table[f, _LENGTH]
-                    share = one
-                    if kind == _WALL:
-                        seed = int(table[f, _START_X] * 10.0) * 31 + int(table[f, _START_Y] * 10.0)
-                        swatch = _wall(along, up, length, tall, seed, is_night)
-                        share = np.float32(max(0.0, 1.0 - depth / PATTERN_RANGE))
-                    elif kind == _BODY:
-                        swatch = _body(along, up, length, tall, side[f], state[f], blink)
-                    else:
-                        swatch = _panel(along, up / max(tall, np.float32(0.01)), length, kind)
-                    if swatch != _OWN:
-                        glow = look.swatches[swatch, 3]
-                        red += (look.swatches[swatch, 0] - red) * share
-                        green += (look.swatches[swatch, 1] - green) * share
-                        blue += (look.swatches[swatch, 2] - blue) * share
-            if beams:
-                bright = strength * _headlight(x - headlights[0], y - headlights[1], cos_ego, sin_ego)
-                bright = one if glow > 0.0 else one + bright
-                red, green, blue = red * bright, green * bright, blue * bright
-            clear = look.transmission[min(int(depth), FOG_STEPS - 1)]
-            clear += (one - clear) * glow
-            fade = one - clear
-            red, green, blue = red * clear + haze_r * fade, green * clear + haze_g * fade, blue * clear + haze_b * fade
-            pixels[row, column] = _pack(red, green, blue)
+        ray = (axes[0, 0] - v * axes[0, 2], axes[1, 0] - v * axes[1, 2], axes[2, 0] - v * axes[2, 2])
+        _place_row(inverse_depth[row], focal, origin, axes, ray, place, depth)
+        _colour_row(
+            face[row], inverse_depth[row], focal, origin[2], ray[2], axes[2, 1], place, depth, classes, corner,
+            per_metre, look, table, material, side, state, blink, paint,
+        )  # fmt: skip
+        if headlights[3] > 0.0:
+            _light_row(headlights, place, paint)
+        _air_row(depth, paint, look.transmission, look.haze, pixels[row])
     return pixels
+
+
+@kernel
+def _place_row(inverse, focal, origin, axes, ray, place, depth):  # type: ignore[no-untyped-def]
+    """World x, y and depth [m] of a row of pixels; far away for the sky."""
+    width = len(inverse)
+    for column in range(width):
+        u = (column + 0.5 - width / 2.0) / focal
+        depth[column] = 1.0 / max(float(inverse[column]), 1e-6)
+        place[0, column] = origin[0] + depth[column] * (ray[0] + u * axes[0, 1])
+        place[1, column] = origin[1] + depth[column] * (ray[1] + u * axes[1, 1])
+
+
+@kernel
+def _colour_row(  # type: ignore[no-untyped-def]
+    face, inverse, focal, height, rise, rise_step, place, depth, classes, corner, per_metre, look, table, material,
+    side, state, blink, paint,
+):  # fmt: skip
+    """Lit colours of a row of pixels, and how much of each shines through fog."""
+    rows, columns = classes.shape
+    width = len(face)
+    one, is_night = np.float32(1.0), look.night > 0.5
+    for column in range(width):
+        f = face[column]
+        up = rise + rise_step * (column + 0.5 - width / 2.0) / focal
+        share, swatch = one, _OWN
+        if f >= 0:
+            red, green, blue, glow = table[f, _RED], table[f, _GREEN], table[f, _BLUE], table[f, _GLOW]
+            kind = material[f]
+            if kind == _FOLIAGE:
+                grain = one + _leaves(place[0, column], place[1, column], height + depth[column] * up) * np.float32(
+                    min(1.0, 40.0 / depth[column])
+                )
+                red, green, blue = red * grain, green * grain, blue * grain
+            elif kind != _PLAIN:
+                high = np.float32(height + depth[column] * up) - table[f, _Z0]
+                along = np.float32(place[0, column] - table[f, _START_X]) * table[f, _TANGENT_X]
+                along += np.float32(place[1, column] - table[f, _START_Y]) * table[f, _TANGENT_Y]
+                tall, length = table[f, _Z1] - table[f, _Z0], table[f, _LENGTH]
+                if kind == _WALL:
+                    swatch = _wall(
+                        along - table[f, _MARGIN],
+                        high,
+                        table[f, _BAYS],
+                        table[f, _STOREYS],
+                        int(table[f, _SEED]),
+                        is_night,
+                    )
+                    share = np.float32(max(0.0, 1.0 - depth[column] / PATTERN_RANGE))
+                elif kind == _BODY:
+                    swatch = _body(along, high, length, tall, side[f], state[f], blink)
+                else:
+                    swatch = _panel(along, high / max(tall, np.float32(0.01)), length, kind)
+                if swatch != _OWN:
+                    glow = look.swatches[swatch, 3]
+                    red += (look.swatches[swatch, 0] - red) * share
+                    green += (look.swatches[swatch, 1] - green) * share
+                    blue += (look.swatches[swatch, 2] - blue) * share
+        elif inverse[column] > 0.0:
+            cx = int(np.floor((place[0, column] - corner[0]) * per_metre))
+            cy = int(np.floor((place[1, column] - corner[1]) * per_metre))
+            surface = classes[cy, cx] if 0 <= cx < columns and 0 <= cy < rows else np.uint8(0)
+            grain = one + look.grain[surface] * _hash(cx >> 1, cy >> 1)
+            red, green, blue = look.ground[surface, 0], look.ground[surface, 1], look.ground[surface, 2]
+            red, green, blue, glow = red * grain, green * grain, blue * grain, np.float32(0.0)
+        else:
+            step = int(min(max(up, 0.0), 1.0) * (SKY_STEPS - 1))
+            red, green, blue, glow = look.sky[step, 0], look.sky[step, 1], look.sky[step, 2], one
+        paint[0, column], paint[1, column], paint[2, column], paint[3, column] = red, green, blue, glow
+
+
+@kernel
+def _light_row(headlights, place, paint):  # type: ignore[no-untyped-def]
+    """Brightens what the ego's headlights reach and does not shine by itself."""
+    cos_ego, sin_ego, strength = np.cos(headlights[2]), np.sin(headlights[2]), np.float32(headlights[3])
+    for column in range(paint.shape[1]):
+        if paint[3, column] == 0.0:
+            reach = _headlight(place[0, column] - headlights[0], place[1, column] - headlights[1], cos_ego, sin_ego)
+            for c in range(3):
+                paint[c, column] *= np.float32(1.0) + strength * reach
+
+
+@kernel
+def _air_row(depth, paint, transmission, haze, pixels):  # type: ignore[no-untyped-def]
+    """Fades a row of colours into the haze and packs it as little-endian BGRA words."""
+    one, top = np.float32(1.0), np.float32(255.0)
+    for column in range(len(pixels)):
+        clear = transmission[int(min(depth[column], FOG_STEPS - 1.0))]
+        clear += (one - clear) * paint[3, column]
+        fade = one - clear
+        red = np.int32(min(paint[0, column] * clear + haze[0] * fade, top))
+        green = np.int32(min(paint[1, column] * clear + haze[1] * fade, top))
+        blue = np.int32(min(paint[2, column] * clear + haze[2] * fade, top))
+        pixels[column] = np.uint32(blue | (green << np.int32(8)) | (red << np.int32(16))) | np.uint32(0xFF000000)
 
 
 @kernel
@@ -231,14 +275,12 @@ def _leaves(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _wall(along, up, length, tall, seed, is_night):  # type: ignore[no-untyped-def]
-    """Rows of windows, centred on the face; some are lit at night."""
-    bays = int(length / BAY)
-    at = along - (length - bays * BAY) / 2.0
-    if tall < 3.0 or at < 0.0 or at >= bays * BAY or up < 0.0 or up > int(tall / STOREY) * STOREY:
+def _wall(at, up, bays, storeys, seed, is_night):  # type: ignore[no-untyped-def]
+    """Rows of windows over `bays` [m] along and `storeys` [m] up; some are lit at night."""
+    if at < 0.0 or at >= bays or up < 0.0 or up >= storeys:
         return _OWN
-    bay, storey = int(at / BAY), int(up / STOREY)
-    across, high = at - bay * BAY, up - storey * STOREY
+    bay, storey = np.int32(at * np.float32(1.0 / BAY)), np.int32(up * np.float32(1.0 / STOREY))
+    across, high = at - bay * np.float32(BAY), up - storey * np.float32(STOREY)
     if not (0.75 < across < 2.25 and 0.95 < high < 2.5):
         return _OWN
     return _LIT_WINDOW if is_night and _hash(seed + bay, storey) > 0.4 else _WINDOW

@@ -90,6 +90,28 @@ class _Beams(NamedTuple):
     reach: NDArray[np.float64]
 
 
+class Scratch(NamedTuple):
+    """Room for one sweep; worth keeping, since fresh memory costs as much as casting."""
+
+    sent: NDArray[np.bool_]
+    run: NDArray[np.float64]
+    hit: NDArray[np.int32]
+    points: NDArray[np.float32]
+    solids: NDArray[np.int32]
+
+
+def new_scratch(model: LidarModel) -> Scratch:
+    """Room for the sweeps of `model`."""
+    shape, total = (model.columns, model.channels), model.columns * model.channels
+    return Scratch(
+        np.empty(shape, np.bool_),
+        np.empty(shape),
+        np.empty(shape, np.int32),
+        np.empty((total, 4), np.float32),
+        np.empty(total, np.int32),
+    )
+
+
 @lru_cache(maxsize=8)
 def _beams(model: LidarModel) -> _Beams:
     elevation = np.radians(np.linspace(model.upper, model.lower, model.channels))
@@ -99,36 +121,38 @@ def _beams(model: LidarModel) -> _Beams:
     return _Beams(slope, inverse, 1.0 / np.cos(elevation), model.max_range * np.cos(elevation))
 
 
-def cast_sweep(model: LidarModel, pose: Pose, tick: int, draws: Draws, statics: Solids, actors: Solids) -> Sweep:
+def cast_sweep(
+    model: LidarModel,
+    pose: Pose,
+    tick: int,
+    draws: Draws,
+    statics: Solids,
+    actors: Solids,
+    scratch: Scratch | None = None,
+) -> Sweep:
     """The returns of one tick."""
-    beams = _beams(model)
+    beams, room = _beams(model), new_scratch(model) if scratch is None else scratch
     start = model.start(tick)
     azimuth = start + np.arange(model.columns) * model.step
     cosine, sine = np.cos(azimuth), np.sin(azimuth)
     key = np.uint64(draws.key)
-    sent = _sent_beams(key, tick, model.channels, model.columns, model.general_drop)
+    _send_beams(key, tick, model.general_drop, room.sent)
     if pose.is_level:
-        distance, hit = _cast_level(
-            pose.origin, start + pose.yaw, model.step, beams, sent, statics, actors, model.max_range
-        )
+        _cast_level(pose.origin, start + pose.yaw, model.step, beams, room, statics, actors, model.max_range)
     else:
-        distance, hit = _cast_tilted(pose.origin, pose.axes, cosine, sine, beams, sent, statics, actors)
-    points, solids = _returns(
-        key, tick, distance, hit, beams, cosine, sine,
-        model.max_range, model.attenuation, model.kept_intensity, model.zero_drop,
-    )  # fmt: skip
-    return Sweep(points, solids)
+        _cast_tilted(pose.origin, pose.axes, cosine, sine, beams, room, statics, actors)
+    found = _returns(key, tick, room, beams, cosine, sine, model.attenuation, model.kept_intensity, model.zero_drop)
+    return Sweep(room.points[:found].copy(), room.solids[:found].copy())
 
 
 @kernel
-def _sent_beams(key, tick, channels, columns, drop):  # type: ignore[no-untyped-def]
+def _send_beams(key, tick, drop, sent):  # type: ignore[no-untyped-def]
     """Which beams (columns, channels) survive the general drop-off; draw 2b belongs to beam b."""
     base = draw_base(key, tick)
-    sent = np.empty((columns, channels), np.bool_)
-    for channel in range(channels):
-        for column in range(columns):
+    columns, channels = sent.shape
+    for column in range(columns):
+        for channel in range(channels):
             sent[column, channel] = unit_at(base, 2 * (channel * columns + column)) >= drop
-    return sent
 
 
 @kernel
@@ -139,10 +163,10 @@ def _ground_run(height, inverse):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cast_level(origin, start, step, beams, sent, statics, actors, max_range):  # type: ignore[no-untyped-def]
+def _cast_level(origin, start, step, beams, room, statics, actors, max_range):  # type: ignore[no-untyped-def]
+    """Leaves distances [m] and what was hit in `room`; beams not sent have a negative distance."""
+    sent, run, hit = room.sent, room.run, room.hit
     columns, channels = sent.shape
-    run = np.empty((columns, channels))
-    hit = np.empty((columns, channels), np.int32)
     first_run, first_hit = np.empty(channels), np.empty(channels, np.int32)
     for i in range(channels):
         ground = _ground_run(origin[2], beams.inverse[i])
@@ -162,7 +186,6 @@ def _cast_level(origin, start, step, beams, sent, statics, actors, max_range):  
     for j in range(columns):
         for i in range(channels):
             run[j, i] *= beams.secant[i]
-    return run, hit
 
 
 @kernel
@@ -284,14 +307,15 @@ def _fill_column(beams, below, above, enter, leave, row, run, hit, farthest, j):
 
 
 @kernel
-def _cast_tilted(origin, axes, cosine, sine, beams, sent, statics, actors):  # type: ignore[no-untyped-def]
+def _cast_tilted(origin, axes, cosine, sine, beams, room, statics, actors):  # type: ignore[no-untyped-def]
     """As `_cast_level` for any attitude: beams are binned by world bearing, and each is cut on its own."""
+    sent = room.sent
     columns, channels = sent.shape
     bins = 1024
     total = columns * channels
     heading, slope, flat = np.empty((total, 2)), np.empty(total), np.empty(total)
     bucket, first = np.empty(total, np.int32), np.zeros(bins + 1, np.int32)
-    run, hit = np.empty(total), np.empty(total, np.int32)
+    run, hit = room.run.reshape(total), room.hit.reshape(total)
     for b in range(total):
         j, i = b // channels, b % channels
         cos_e = 1.0 / beams.secant[i]
@@ -318,7 +342,6 @@ def _cast_tilted(origin, axes, cosine, sine, beams, sent, statics, actors):  # t
     _cut_beams(actors, len(statics.corners), origin, max_range, first, order, heading, slope, run, hit)
     for b in range(total):
         run[b] /= flat[b]
-    return run.reshape(columns, channels), hit.reshape(columns, channels)
 
 
 @kernel
@@ -359,13 +382,15 @@ def _enter_slab(below, above, enter, leave, slope):  # type: ignore[no-untyped-d
 
 @kernel
 def _returns(  # type: ignore[no-untyped-def]
-    key, tick, distance, hit, beams, cosine, sine, max_range, attenuation, kept_intensity, zero_drop
+    key, tick, room, beams, cosine, sine, attenuation, kept_intensity, zero_drop
 ):
-    """Points that survive the intensity drop-off, channel by channel; draw 2b + 1 belongs to beam b."""
+    """Fills in the points that survive the intensity drop-off, channel by channel, and counts them.
+
+    Draw 2b + 1 belongs to beam b.
+    """
     base = draw_base(key, tick)
+    distance, hit, points, solids = room.run, room.hit, room.points, room.solids
     columns, channels = distance.shape
-    points = np.empty((columns * channels, 4), np.float32)
-    solids = np.empty(columns * channels, np.int32)
     slope = zero_drop / kept_intensity
     found = 0
     for i in range(channels):
@@ -383,4 +408,4 @@ def _returns(  # type: ignore[no-untyped-def]
             points[found, 2], points[found, 3] = d * up, intensity
             solids[found] = hit[j, i]
             found += 1
-    return points[:found].copy(), solids[:found].copy()
+    return found

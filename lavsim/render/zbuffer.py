@@ -52,16 +52,27 @@ class Visibility(NamedTuple):
     faces: Faces
 
 
-def draw_visibility(lens: Pinhole, pose: Pose, statics: Solids, actors: Solids) -> Visibility:
-    """What a camera at `pose` sees."""
-    face, depth, faces = _draw(lens.width, lens.height, lens.focal, pose.origin, pose.axes, statics, actors)
-    return Visibility(face, depth, Faces(*faces))
+Buffers = tuple[NDArray[np.int32], NDArray[np.float32]]  # of `Visibility.face` and `.inverse_depth`
+
+
+def new_buffers(lens: Pinhole) -> Buffers:
+    """What `draw_visibility` draws into; worth keeping, since fresh memory costs as much as drawing."""
+    shape = (lens.height, lens.width)
+    return np.empty(shape, np.int32), np.empty(shape, np.float32)
+
+
+def draw_visibility(
+    lens: Pinhole, pose: Pose, statics: Solids, actors: Solids, buffers: Buffers | None = None
+) -> Visibility:
+    """What a camera at `pose` sees, drawn into `buffers`."""
+    face, depth = new_buffers(lens) if buffers is None else buffers
+    solid, side = _draw(face, depth, lens.focal, pose.origin, pose.axes, statics, actors)
+    return Visibility(face, depth, Faces(solid, side))
 
 
 @kernel
-def _draw(width, height, focal, origin, axes, statics, actors):  # type: ignore[no-untyped-def]
-    depth = np.empty((height, width), np.float32)
-    face = np.full((height, width), NO_FACE, np.int32)
+def _draw(face, depth, focal, origin, axes, statics, actors):  # type: ignore[no-untyped-def]
+    face.fill(NO_FACE)
     _draw_ground(depth, focal, origin, axes)
     capacity = 4 * (len(statics.corners) + len(actors.corners)) + 64
     solid, side = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
@@ -69,7 +80,7 @@ def _draw(width, height, focal, origin, axes, statics, actors):  # type: ignore[
     found, solid, side = _draw_solids(
         actors, len(statics.corners), origin, axes, focal, depth, face, solid, side, found
     )
-    return face, depth, (solid[:found].copy(), side[:found].copy())
+    return solid[:found].copy(), side[:found].copy()
 
 
 @kernel

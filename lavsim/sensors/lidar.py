@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from lavsim.random import Draws
 from lavsim.render.scene import Scene
-from lavsim.render.sweep import LidarModel, Sweep, cast_sweep
-from lavsim.sensors.base import SENSORS, ArraySpec, Sensor
+from lavsim.render.sweep import LidarModel, Sweep, cast_sweep, new_scratch
+from lavsim.sensors.base import SENSORS, ArraySpec, Sensor, SensorConfig
 from lavsim.world.snapshot import Snapshot
 
 
@@ -24,6 +24,10 @@ class Lidar(Sensor):
 
     model = LidarModel()
 
+    def __init__(self, config: SensorConfig) -> None:
+        super().__init__(config)
+        self._scratch = new_scratch(self.model)  # written before it is read, so no state
+
     @property
     def spec(self) -> ArraySpec:
         return ArraySpec((None, 4), np.float32, "m, m, m, intensity")
@@ -35,4 +39,4 @@ class Lidar(Sensor):
         """The returns together with what they hit."""
         pose = self.config.mount.pose(snapshot)
         actors = scene.actors(snapshot)
-        return cast_sweep(self.model, pose, snapshot.tick, self.draws(draws), scene.statics, actors)
+        return cast_sweep(self.model, pose, snapshot.tick, self.draws(draws), scene.statics, actors, self._scratch)
