@@ -66,7 +66,7 @@ def lanes_of(town: TownMap) -> Lanes:
     for light in town.lights:
         for line in light.stop_lines:
             setback[line.lane] = max(setback[line.lane], town.lanes.length[line.lane] - line.paint_u)
-    return Lanes(*columns, setback)
+    return Lanes(*[*columns, setback])
 
 
 class Fleet(NamedTuple):
