@@ -25,6 +25,7 @@ Ints = NDArray[np.int32]
 STEP = 0.5  # [m] largest spacing of centre points; a chord over it on a 2.7 m radius lies 1.2 cm off the arc
 MAX_GAP = 1.0  # [m] between linked lanes that nobody drives on
 MOST_POINTS = 8_000_000  # centre points of a town, 4,000 lane-km; more is a broken file
+MOST_JUNCTION_POINTS = 20_000  # 10 km of lanes in one junction
 SHORTEST = 1e-3  # [m] sections below this are slips of the drawing tool and carry no lane
 CHANGE_RIGHT, CHANGE_LEFT = 1, 2  # bits of `LaneTable.change`, CARLA's LaneChange
 TURN_THRESHOLD = np.radians(35.0)  # CARLA's GlobalRoutePlanner: less is "straight"
@@ -325,6 +326,9 @@ def _measure(section: SectionShape, index: int, lane: LaneRecord, nodes: Floats,
     speed = np.hypot(1.0 - heading * t, slope)  # du/ds; within a piece of line or arc exact at any point
     u = np.concatenate([[0.0], np.cumsum(speed * np.diff(nodes))])
     length = float(u[-1])
+    if not length <= MOST_POINTS * STEP:
+        road = section.shape.road.id
+        raise MapError(f"lane {lane.id} of road {road} would be {length / 1000.0:.3g} km long; check its widths.")
     count = max(1, int(np.ceil(length / STEP - 1e-9)))
     s = np.interp(np.linspace(0.0, length, count + 1), u, nodes)
     if lane.id > 0:
@@ -504,8 +508,24 @@ def _turns(
     return turn
 
 
+def _meet(own: Floats, cloud: Floats, reach: float) -> NDArray[np.bool_]:
+    """(n, m) whether points lie within `reach` in plan and `CLEAR_HEIGHT` in z."""
+    near = np.empty((len(own), len(cloud)), np.bool_)
+    for k in range(0, len(own), 256):
+        part = own[k : k + 256]
+        apart = (part[:, None, 0] - cloud[None, :, 0]) ** 2 + (part[:, None, 1] - cloud[None, :, 1]) ** 2
+        near[k : k + 256] = (apart < reach**2) & (np.abs(part[:, None, 2] - cloud[None, :, 2]) < CLEAR_HEIGHT)
+    return near
+
+
 def _conflicts(
-    first: Ints, step: Floats, points: Floats, junction: Ints, types: Ints, pairs: Sequence[tuple[int, int]]
+    first: Ints,
+    step: Floats,
+    points: Floats,
+    junction: Ints,
+    types: Ints,
+    road_id: Ints,
+    pairs: Sequence[tuple[int, int]],
 ) -> tuple[Ints, Ints, Floats]:
     """Where driving lanes of a junction sweep the same ground."""
     before: dict[int, set[int]] = {}
@@ -520,19 +540,23 @@ def _conflicts(
         rows = [np.arange(first[k], first[k + 1]) for k in lanes]
         if not rows:
             continue
+        if sum(map(len, rows)) > MOST_JUNCTION_POINTS:
+            total = sum(map(len, rows)) * STEP / 1000.0
+            raise MapError(f"the junction of road {road_id[lanes[0]]} has {total:.3g} km of lanes; check their widths.")
         everything, owner = np.concatenate(rows), np.repeat(np.arange(len(lanes)), [len(r) for r in rows])
         cloud = points[everything]
         for a, lane in enumerate(lanes):
-            own = points[rows[a]]
-            near = (own[:, None, 0] - cloud[None, :, 0]) ** 2 + (own[:, None, 1] - cloud[None, :, 1]) ** 2 < reach**2
-            near &= np.abs(own[:, None, 2] - cloud[None, :, 2]) < CLEAR_HEIGHT
-            for b in np.unique(owner[near.any(axis=0)]):
+            low, high = points[rows[a]].min(axis=0) - reach, points[rows[a]].max(axis=0) + reach
+            around = ((cloud[:, :2] >= low[:2]) & (cloud[:, :2] <= high[:2])).all(axis=1)
+            near = _meet(points[rows[a]], cloud[around], reach)
+            nearby = owner[around]
+            for b in np.unique(nearby[near.any(axis=0)]):
                 other = int(lanes[b])
                 if other == lane or (lane, other) in chained or (other, lane) in chained:
                     continue
                 if before.get(int(lane), set()) & before.get(other, set()):
                     continue
-                at = np.flatnonzero(near[:, owner == b].any(axis=1))
+                at = np.flatnonzero(near[:, nearby == b].any(axis=1))
                 found.append((int(lane), other))
                 spans.append((float(at[0] * step[lane]), float(at[-1] * step[lane])))
     order = sorted(range(len(found)), key=lambda k: found[k])
@@ -569,10 +593,15 @@ def build_lanes(
     types = np.array([int(LANE_TYPES.get(p.lane.kind, LaneType.NONE)) for p in pieces], np.int32)
     junction = np.array([number_of.get(p.road.junction, -1) for p in pieces], np.int32)
     sizes = np.array([len(p.points) for p in pieces])
+    if sizes.sum() > MOST_POINTS:
+        raise MapError(
+            f"{network.name or 'the map'} has {sizes.sum() * STEP / 1000.0:.0f} km of lanes; that is no town."
+        )
     first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
     points = np.concatenate([p.points for p in pieces])
     length = np.array([p.length for p in pieces])
     step = length / (sizes - 1)
+    road_id = np.array([p.road.id for p in pieces], np.int32)
     pairs = [
         (a, b)
         for a, b in dict.fromkeys(_links(network, pieces, index))
@@ -584,11 +613,11 @@ def build_lanes(
     pred = _compress([(b, a) for a, b in pairs], count)
     left, right, change_left, change_right = _neighbours(pieces, index, types)
     starts, ends = points[first[:-1]], points[first[1:] - 1]
-    conflict_first, conflict, conflict_u = _conflicts(first, step, points, junction, types, pairs)
+    conflict_first, conflict, conflict_u = _conflicts(first, step, points, junction, types, road_id, pairs)
     forward = np.array([p.lane.id < 0 for p in pieces])
     low, high = np.array([p.shape.start for p in pieces]), np.array([p.shape.end for p in pieces])
     return LaneTable(
-        road_id=np.array([p.road.id for p in pieces], np.int32),
+        road_id=road_id,
         section=np.array([p.section for p in pieces], np.int32),
         lane_id=np.array([p.lane.id for p in pieces], np.int32),
         type=types,

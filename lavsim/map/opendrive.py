@@ -435,7 +435,7 @@ class _Reader:
             raise self.fail(element, "a lane section holds a lane id twice")
         if 0 not in ids:
             lanes.append(LaneRecord(0, "none"))
-        left, right = max(ids, default=0), min(ids, default=0)
+        left, right = max([*ids, 0]), min([*ids, 0])
         if len(lanes) != left - right + 1:
             raise self.fail(element, f"lane ids must run from {left} to {right} without a gap")
         return SectionRecord(self.number(element, "s"), tuple(sorted(lanes, key=lambda lane: -lane.id)))
