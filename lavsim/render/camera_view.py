@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lavsim.kernel import kernel
 from lavsim.random import Draws
 from lavsim.render.frame import Mount, Pose
-from lavsim.render.ground import TAG_OF_SURFACE
+from lavsim.render.ground import TAG_OF_SURFACE, surface_at
 from lavsim.render.look import look_of
 from lavsim.render.scene import Scene
 from lavsim.render.shade import shade
@@ -116,7 +116,6 @@ def _labels(  # type: ignore[no-untyped-def]
     face, inverse_depth, focal, origin, axes, classes, corner, per_metre, tag_of_surface, tag, instance
 ):
     height, width = face.shape
-    rows, columns = classes.shape
     tags, instances = np.empty((height, width), np.uint8), np.empty((height, width), np.int32)
     for row in range(height):
         v = (row + 0.5 - height / 2.0) / focal
@@ -134,7 +133,6 @@ def _labels(  # type: ignore[no-untyped-def]
             u = (column + 0.5 - width / 2.0) / focal
             depth = 1.0 / inverse
             x, y = origin[0] + depth * (base_x + u * axes[0, 1]), origin[1] + depth * (base_y + u * axes[1, 1])
-            cx, cy = int(np.floor((x - corner[0]) * per_metre)), int(np.floor((y - corner[1]) * per_metre))
-            surface = classes[cy, cx] if 0 <= cx < columns and 0 <= cy < rows else np.uint8(0)
+            surface = surface_at(classes, (x - corner[0]) * per_metre, (y - corner[1]) * per_metre)
             tags[row, column] = tag_of_surface[surface]
     return tags, instances

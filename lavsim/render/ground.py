@@ -1,7 +1,10 @@
 """What lies on the ground, as a raster of classes drawn once a town from its lanes and paint.
 
-A cell is 0.1 m and one byte: Town01's 400 x 330 m are 13 MB, a square kilometre 100 MB. The raster is kept in the
+A cell is 0.1 m and one byte: Town01 with its margin is 17 MB, a square kilometre 100 MB. The raster is kept in the
 cache folder and mapped into memory, so worker processes share it and only cells that are looked at are loaded.
+
+Paint is finer: the low half of a byte is the `Surface`, and each bit of the high half says that a quarter of the cell
+(0.05 m) is bare road. So marks that run askew have no teeth, and a byte below 16 is a plain `Surface`.
 """
 
 from __future__ import annotations
@@ -25,8 +28,9 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-VERSION = 3  # of what is drawn; raise it whenever another raster comes out
-RESOLUTION = 0.1  # [m] a cell; a lane mark of 0.15 m is still one or two cells wide
+VERSION = 5  # of what is drawn; raise it whenever another raster comes out
+RESOLUTION = 0.1  # [m] a cell
+_FINE = RESOLUTION / 2.0  # [m] what is drawn, before four become one
 MARGIN = 20.0  # [m] of terrain around the lanes
 DASH, GAP = 3.0, 6.0  # [m] of broken marks
 STRIPE = 0.5  # [m] width of a zebra stripe and of the gap to the next
@@ -82,7 +86,8 @@ class GroundRaster:
     """Classes of the ground.
 
     Attributes:
-        classes: (H, W) uint8 `Surface`, read-only; row i spans y = origin[1] + i * resolution onwards, columns x.
+        classes: (H, W) uint8, read-only; row i spans y = origin[1] + i * resolution onwards, columns x. `classes & 15`
+            is the `Surface` of a cell; the high bits name its bare quarters (1 right half, 2 lower half of bit number).
         origin: (2,) x, y of the corner of cell (0, 0) [m].
         resolution: Side of a cell [m].
     """
@@ -103,12 +108,47 @@ class GroundRaster:
 
     def at(self, points: Floats) -> NDArray[np.uint8]:
         """(N,) `Surface` under world `points` (N, 2); terrain outside the raster."""
-        cell = np.floor((points - self.origin) / self.resolution).astype(np.int64)
-        height, width = self.classes.shape
-        inside = (cell >= 0).all(axis=1) & (cell[:, 0] < width) & (cell[:, 1] < height)
-        found = np.zeros(len(points), np.uint8)
-        found[inside] = self.classes[cell[inside, 1], cell[inside, 0]]
-        return found
+        cells = (points - self.origin) / self.resolution
+        return np.array([surface_at(self.classes, x, y) for x, y in cells], np.uint8)
+
+
+_PLAIN_CODES, _ROAD = 16, int(Surface.ROAD)
+_FIRST_PAINT, _LAST_PAINT = int(Surface.CROSSWALK), int(Surface.YELLOW_BROKEN)
+
+
+@kernel
+def surface_at(classes, x, y):  # type: ignore[no-untyped-def]
+    """`Surface` at a place in cells (x along columns); terrain outside the raster."""
+    column, row = int(np.floor(x)), int(np.floor(y))
+    if column < 0 or row < 0 or column >= classes.shape[1] or row >= classes.shape[0]:
+        return np.uint8(0)
+    cell = classes[row, column]
+    if cell < _PLAIN_CODES:
+        return cell
+    quarter = (1 if x - column >= 0.5 else 0) + (2 if y - row >= 0.5 else 0)
+    return np.uint8(_ROAD) if (cell >> (4 + quarter)) & 1 else np.uint8(cell & 15)
+
+
+@kernel
+def _merge_quarters(fine, classes):  # type: ignore[no-untyped-def]
+    """Cells of four quarters each: paint with its bare quarters, otherwise the commonest surface."""
+    quarters = np.empty(4, np.uint8)
+    for row in range(classes.shape[0]):
+        for column in range(classes.shape[1]):
+            paint, common, most = 0, 0, 0
+            for q in range(4):
+                quarters[q] = fine[2 * row + (q >> 1), 2 * column + (q & 1)]
+                if _FIRST_PAINT <= quarters[q] <= _LAST_PAINT:
+                    paint = max(paint, int(quarters[q]))
+            for q in range(4):
+                count = np.sum(quarters == quarters[q])
+                if count > most:
+                    common, most = int(quarters[q]), count
+            if paint > 0:
+                common = paint
+                for q in range(4):
+                    common |= (16 << q) if quarters[q] != paint else 0
+            classes[row, column] = common
 
 
 def ground_raster(town: TownMap) -> GroundRaster:
@@ -132,7 +172,7 @@ def draw_ground(town: TownMap) -> NDArray[np.uint8]:
     low = np.floor(np.asarray(town.bounds[:2]) - MARGIN)
     high = np.ceil(np.asarray(town.bounds[2:]) + MARGIN)
     columns, rows = np.rint((high - low) / RESOLUTION).astype(int)
-    classes = np.zeros((rows, columns), np.uint8)
+    classes = np.zeros((2 * rows, 2 * columns), np.uint8)
     _draw_lanes(classes, low, town)
     for polygon in town.crosswalks:
         _draw_crosswalk(classes, low, np.asarray(polygon, np.float64))
@@ -145,8 +185,10 @@ def draw_ground(town: TownMap) -> NDArray[np.uint8]:
     if not any(mark.kind == "stop" for mark in town.marks):
         for stop in (stop for light in town.lights for stop in light.stop_lines):
             x, y, _, yaw, _ = town.centre([stop.lane], [stop.paint_u])[0]
-            fill_polygon(classes, (_across(x, y, yaw, stop.width) - low) / RESOLUTION, int(Surface.STOP_LINE))
-    return classes
+            fill_polygon(classes, (_across(x, y, yaw, stop.width) - low) / _FINE, int(Surface.STOP_LINE))
+    merged = np.empty((rows, columns), np.uint8)
+    _merge_quarters(classes, merged)
+    return merged
 
 
 def _draw_lanes(classes: NDArray[np.uint8], low: Floats, town: TownMap) -> None:
@@ -187,12 +229,12 @@ def _draw_crosswalk(classes: NDArray[np.uint8], low: Floats, polygon: Floats) ->
     axis = _long_axis(polygon)
     across = np.array([-axis[1], axis[0]])
     along, aside = (polygon - centre) @ axis, (polygon - centre) @ across
-    fill_polygon(classes, (polygon - low) / RESOLUTION, int(Surface.CROSSWALK_GAP))
+    fill_polygon(classes, (polygon - low) / _FINE, int(Surface.CROSSWALK_GAP))
     for begin in _stripes(float(along.min()), float(along.max())):
         corners = [(begin, aside.min()), (begin + STRIPE, aside.min()), (begin + STRIPE, aside.max()),
                    (begin, aside.max())]  # fmt: skip
         quad = np.array([centre + a * axis + b * across for a, b in corners])
-        fill_polygon(classes, (quad - low) / RESOLUTION, int(Surface.CROSSWALK))
+        fill_polygon(classes, (quad - low) / _FINE, int(Surface.CROSSWALK))
 
 
 def _long_axis(polygon: Floats) -> Floats:
@@ -236,8 +278,8 @@ def _fill_strip(classes, low, points, half, value):  # type: ignore[no-untyped-d
         for corner in range(4):
             at = i if corner in (0, 3) else i + 1
             side = half[at] if corner < 2 else -half[at]
-            quad[corner, 0] = (points[at, 0] - side * np.sin(points[at, 2]) - low[0]) / RESOLUTION
-            quad[corner, 1] = (points[at, 1] + side * np.cos(points[at, 2]) - low[1]) / RESOLUTION
+            quad[corner, 0] = (points[at, 0] - side * np.sin(points[at, 2]) - low[0]) / _FINE
+            quad[corner, 1] = (points[at, 1] + side * np.cos(points[at, 2]) - low[1]) / _FINE
         fill_polygon(classes, quad, value)
 
 
@@ -261,8 +303,8 @@ def _fill_line(classes, low, points, width, broken, value):  # type: ignore[no-u
                 for corner in range(4):
                     at = done if corner in (0, 3) else done + piece
                     side = width / 2.0 if corner < 2 else -width / 2.0
-                    quad[corner, 0] = (points[i, 0] + (at * dx - side * dy) / length - low[0]) / RESOLUTION
-                    quad[corner, 1] = (points[i, 1] + (at * dy + side * dx) / length - low[1]) / RESOLUTION
+                    quad[corner, 0] = (points[i, 0] + (at * dx - side * dy) / length - low[0]) / _FINE
+                    quad[corner, 1] = (points[i, 1] + (at * dy + side * dx) / length - low[1]) / _FINE
                 fill_polygon(classes, quad, value)
             done += piece
         driven += length

@@ -32,9 +32,13 @@ _SURFACE_RGB = {
     Surface.YELLOW_BROKEN: (244, 196, 60), Surface.CURB: (160, 156, 150),
 }  # fmt: skip
 
+# By the bytes of a ground raster: the high bits count bare quarters, which show the road.
 SURFACE_BGR: NDArray[np.uint8] = np.zeros((256, 3), np.uint8)
 for _surface, _rgb in _SURFACE_RGB.items():
-    SURFACE_BGR[_surface] = _rgb[::-1]
+    for _bare in range(16):
+        _share = _bare.bit_count() / 4.0
+        _blend = [round(a * (1.0 - _share) + b * _share) for a, b in zip(_rgb, _SURFACE_RGB[Surface.ROAD], strict=True)]
+        SURFACE_BGR[_surface | (_bare << 4)] = _blend[::-1]
 
 LIGHT_BGR: dict[int, Bgr] = {
     LightState.RED: (48, 48, 226),

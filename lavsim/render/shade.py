@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
 from lavsim.render.frame import Pose
-from lavsim.render.ground import GroundRaster
+from lavsim.render.ground import GroundRaster, surface_at
 from lavsim.render.look import FOG_STEPS, SKY_STEPS, Look, Swatch
 from lavsim.render.solids import Material, Solids
 from lavsim.render.zbuffer import TOP, UNDERSIDE, Pinhole, Visibility
@@ -179,7 +179,6 @@ def _colour_row(  # type: ignore[no-untyped-def]
     side, state, blink, paint,
 ):  # fmt: skip
     """Lit colours of a row of pixels, and how much of each shines through fog."""
-    rows, columns = classes.shape
     width = len(face)
     one, is_night = np.float32(1.0), look.night > 0.5
     for column in range(width):
@@ -219,10 +218,9 @@ def _colour_row(  # type: ignore[no-untyped-def]
                     green += (look.swatches[swatch, 1] - green) * share
                     blue += (look.swatches[swatch, 2] - blue) * share
         elif inverse[column] > 0.0:
-            cx = int(np.floor((place[0, column] - corner[0]) * per_metre))
-            cy = int(np.floor((place[1, column] - corner[1]) * per_metre))
-            surface = classes[cy, cx] if 0 <= cx < columns and 0 <= cy < rows else np.uint8(0)
-            grain = one + look.grain[surface] * _hash(cx >> 1, cy >> 1)
+            cx, cy = (place[0, column] - corner[0]) * per_metre, (place[1, column] - corner[1]) * per_metre
+            surface = surface_at(classes, cx, cy)
+            grain = one + look.grain[surface] * _hash(int(np.floor(cx)) >> 1, int(np.floor(cy)) >> 1)
             red, green, blue = look.ground[surface, 0], look.ground[surface, 1], look.ground[surface, 2]
             red, green, blue, glow = red * grain, green * grain, blue * grain, np.float32(0.0)
         else:

@@ -83,10 +83,10 @@ def _car(a: Look) -> tuple[Part, ...]:
     compact, high = any(n in a.blueprint for n in _COMPACT), any(n in a.blueprint for n in _HIGH)
     clearance = 0.28 if high else 0.2
     waist = (0.6 if high else 0.56) * a.height
-    share, shift = (0.66, -0.14) if compact or high else (0.5, -0.05)
+    share, shift = (0.66, -0.14) if compact or high else (0.46, -0.03)
     return (
         Part(0.0, 0.0, a.length, a.width, clearance, waist, a.colour, Material.BODY),
-        Part(shift * a.length, 0.0, share * a.length, 0.84 * a.width, waist, a.height, a.colour, Material.GLASS),
+        Part(shift * a.length, 0.0, share * a.length, 0.76 * a.width, waist, a.height, a.colour, Material.GLASS),
         *_axles(a, 0.3, 0.65, clearance),
     )
 

@@ -42,6 +42,19 @@ def test_crosswalks_and_stop_lines_are_painted(ground: GroundRaster) -> None:
             assert (ground.at(path) == Surface.STOP_LINE).any()
 
 
+def test_a_lane_mark_is_as_wide_as_it_should_be(ground: GroundRaster) -> None:
+    town = load_town(TOWN)
+    mark = next(m for m in town.marks if m.kind == "broken")
+    along = mark.points[1] - mark.points[0]
+    across = np.array([-along[1], along[0]]) / np.hypot(*along)
+    offsets = np.linspace(-0.5, 0.5, 201)
+    painted = [
+        np.mean(ground.at(point + offsets[:, None] * across) == Surface.WHITE_BROKEN) for point in mark.points[:200, :2]
+    ]
+    assert max(painted) <= 0.25
+    assert np.mean([p for p in painted if p > 0.05]) == pytest.approx(0.15, abs=0.02)
+
+
 def test_drawn_once_and_read_again(ground: GroundRaster) -> None:
     again = ground_raster(load_town(TOWN))
     assert isinstance(again.classes, np.ndarray)

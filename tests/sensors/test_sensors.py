@@ -15,6 +15,7 @@ from lavsim.sensors.base import Sensor, make_sensor
 from lavsim.sensors.gnss import Gnss
 from lavsim.sensors.lidar import Lidar
 from lavsim.types import ActorClass, Tag
+from lavsim.world.blueprints import BLUEPRINTS
 from tests.prisms import box
 from tests.scenes import plain, street
 from tests.snapshots import EGO, Body, snapshot_of
@@ -114,12 +115,21 @@ def test_lidar_points_fall_on_what_the_camera_calls_them() -> None:
         assert (owner[seen] == 1000).any()
 
 
+@pytest.mark.parametrize("blueprint", ["vehicle.lincoln.mkz_2017", "vehicle.lincoln.mkz_2020"])
+def test_lidar_on_the_lav_mount_looks_over_its_own_car(blueprint: str) -> None:
+    lidar = sensor("sensor.lidar.ray_cast", z=2.4)
+    assert isinstance(lidar, Lidar)
+    ego = replace(EGO, blueprint=blueprint, size=BLUEPRINTS[blueprint].size)
+    for tick in (0, 1):
+        assert (lidar.sweep(snapshot_of([ego], tick=tick), BARE, DRAWS).solids < len(BARE.statics.corners)).all()
+
+
 def test_lidar_of_a_turned_and_moved_ego_sees_the_same_in_its_own_frame() -> None:
     lidar = sensor("sensor.lidar.ray_cast", z=2.4)
-    here = lidar.read([snapshot_of([EGO, Body(1000, 10.0, 3.0)])], BARE, DRAWS)
+    here = lidar.read([snapshot_of([EGO, Body(1000, 10.0, 3.0)], tick=1)], BARE, DRAWS)
     c, s = np.cos(0.5), np.sin(0.5)
     there = [replace(EGO, x=5.0, y=-4.0, yaw=0.5), Body(1000, 5.0 + 10 * c - 3 * s, -4.0 + 10 * s + 3 * c, yaw=0.5)]
-    moved = lidar.read([snapshot_of(there)], BARE, DRAWS)
+    moved = lidar.read([snapshot_of(there, tick=1)], BARE, DRAWS)
     assert abs(len(moved) - len(here)) < 30
     car = [points[points[:, 2] > -2.3][:, :3].mean(axis=0) for points in (here, moved)]
     np.testing.assert_allclose(car[0], car[1], atol=0.05)
