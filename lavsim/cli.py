@@ -354,12 +354,14 @@ class _Bar:
             console=self._console,
             transient=True,
         )
-        self._task = self._bars.add_task("", total=1.0)
+        self._task = self._bars.add_task("preparing (the first run on a machine compiles for a minute)", total=1.0)
         self._done = 0
+        if self._console.is_terminal:  # elsewhere a mistake found before the first drive gets its one line and no more
+            self._bars.start()
         return self
 
     def update(self, progress: Progress) -> None:
-        self._bars.start()  # only now: a mistake that is found before the first drive gets its one line and no more
+        self._bars.start()
         records = progress.results.records
         for record in records[self._done :]:
             self._console.print(
