@@ -24,7 +24,7 @@ Ints = NDArray[np.int32]
 
 STEP = 0.5  # [m] largest spacing of centre points; a chord over it on a 2.7 m radius lies 1.2 cm off the arc
 MAX_GAP = 1.0  # [m] between linked lanes that nobody drives on
-MOST_POINTS = 8_000_000  # centre points of a town, 4,000 lane-km; more is a broken file
+MOST_POINTS = 4_000_000  # centre points of a town, 2,000 lane-km; more is a broken file
 MOST_JUNCTION_POINTS = 20_000  # 10 km of lanes in one junction
 SHORTEST = 1e-3  # [m] sections below this are slips of the drawing tool and carry no lane
 CHANGE_RIGHT, CHANGE_LEFT = 1, 2  # bits of `LaneTable.change`, CARLA's LaneChange

@@ -118,7 +118,9 @@ class _Ground:
                 end = min(k + 41, len(points))
                 pieces.append(np.concatenate([left_edge[k:end], right_edge[k:end][::-1]]))
                 driven.append(lanes.junction[lane] >= 0 and bool(lanes.type[lane] & DRIVABLE))
-        shapes = shapely.make_valid(np.array([shapely.Polygon(p) for p in pieces]))
+        shapes = np.array([shapely.Polygon(p) for p in pieces])
+        crossed = ~shapely.is_valid(shapes)  # the inner edge of a bend tighter than the lane is wide
+        shapes[crossed] = shapely.make_valid(shapes[crossed])
         self.lanes = shapely.STRtree(shapes)
         self.junctions = shapely.STRtree(shapes[np.array(driven, np.bool_)])
 
