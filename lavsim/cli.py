@@ -22,8 +22,6 @@ from lavsim.errors import LavsimError, OutputError, UnknownName
 if TYPE_CHECKING:
     from leaderboard.evaluator import Progress
 
-TOWN_PATH = "LAVSIM_TOWN_PATH"
-
 app = typer.Typer(
     name="lavsim",
     help="Drive and score driving agents in OpenDRIVE towns, on the CPU.",
@@ -291,14 +289,11 @@ def _kind_of(what: str, search: tuple[Path, ...]) -> str:
 
 
 def _towns_at(folders: list[Path] | None) -> tuple[Path, ...]:
-    """The search path for towns; agents in processes of their own find it in the environment."""
+    """The search path for towns."""
     given = tuple(folders or ())
     for folder in given:
         if not folder.is_dir():
             raise OutputError(f"--town-path: there is no folder {str(folder)!r}.")
-    if given:
-        known = [os.environ[TOWN_PATH]] if os.environ.get(TOWN_PATH) else []
-        os.environ[TOWN_PATH] = os.pathsep.join([*(str(folder.resolve()) for folder in given), *known])
     return given
 
 
