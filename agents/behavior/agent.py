@@ -141,6 +141,9 @@ class Expert:
                     continue
                 if room < 0.0 and ego.speed**2 > 2.0 * 9.0 * (room + 1.8 * ego.half_length - 0.5):
                     continue  # the rear would cross anyway
+            painted = room - stop.before
+            if painted > 0.0 and ego.speed**2 < 2.0 * YELLOW_BRAKING * painted:
+                room = painted
             lowest = min(lowest, stopping(ego.speed, room - LINE_GAP, self.manner))
         return lowest
 

@@ -22,10 +22,17 @@ MAX_TRACKS = 6  # ways on from one lane that are looked at
 
 @dataclass(frozen=True)
 class StopPoint:
-    """A stop line on the path: place of the line [m along the path] and the light that governs it."""
+    """Where a red light holds the path.
+
+    Attributes:
+        s: End of the approach lane, which the rear must not cross at red [m along the path].
+        light: The light that governs it.
+        before: How far before it the stop line is painted, a crosswalk in between [m].
+    """
 
     s: float
     light: int
+    before: float = 0.0
 
 
 def limits_along(path: ReferencePath, town: TownMap) -> Floats:
@@ -47,7 +54,8 @@ def stop_points(path: ReferencePath, town: TownMap) -> list[StopPoint]:
                     nearest = int(visit[np.argmin(distance[visit])])
                     dx, dy = line.x - path.xy[nearest, 0], line.y - path.xy[nearest, 1]
                     yaw = path.yaw[nearest]
-                    found.append(StopPoint(nearest * STEP + float(dx * np.cos(yaw) + dy * np.sin(yaw)), light.index))
+                    s = nearest * STEP + float(dx * np.cos(yaw) + dy * np.sin(yaw))
+                    found.append(StopPoint(s, light.index, line.u - line.paint_u))
     return sorted(found, key=lambda point: point.s)
 
 
