@@ -181,7 +181,14 @@ class Simulation:
             raise RouteError(
                 f"route {self.spec.route_id}, scenario {spec.name}: {spec.type} does not fit at {where}: {reason}."
             )
-        stage = Stage(self._world, self.route, anchor, instance, lambda: float(self.route.distance[self._index]))
+        stage = Stage(
+            self._world,
+            self.route,
+            anchor,
+            instance,
+            lambda: float(self.route.distance[self._index]),
+            self.draws.stream("scenario", instance),
+        )
         return _Hazard(spec, scenario, stage, index)
 
     def _trigger_index(self, spec: ScenarioSpec) -> int | None:

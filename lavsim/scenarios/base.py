@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.errors import ConfigError, ScenarioError
+from lavsim.random import Draws
 from lavsim.registry import Registry
 from lavsim.types import ActorIds, Role
 from lavsim.world.blueprints import find_blueprint
@@ -54,6 +55,7 @@ class Stage:
         anchor: Lane centre at the trigger.
         instance: Number of the hazard in its route; sets the ids of its actors.
         progress: Reads how far the ego is along the route [m].
+        draws: The hazard's own stream.
     """
 
     world: World
@@ -61,6 +63,7 @@ class Stage:
     anchor: Waypoint
     instance: int
     progress: typing.Callable[[], float]
+    draws: Draws
 
 
 class Scenario(ABC):
@@ -93,7 +96,8 @@ class Scenario(ABC):
     def spawn(self, stage: Stage, blueprint: str, position: NDArray[np.float64], yaw: float, role: Role) -> Actor:
         """Adds an actor with the next id of this hazard's range."""
         actor_id = ActorIds.of_scenario(stage.instance) + len(self._actors)
-        actor = stage.world.spawn(actor_id, find_blueprint(blueprint), position, yaw, role)
+        kind = find_blueprint(blueprint)
+        actor = stage.world.spawn(actor_id, kind, position, yaw, role, kind.colour(stage.draws, actor_id))
         self._actors.append(actor)
         return actor
 

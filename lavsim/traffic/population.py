@@ -17,10 +17,6 @@ from lavsim.world.world import World
 _SPACING = 12.0  # [m] between spawn points of a lane
 _CLEAR_OF_EGO = 15.0  # [m]
 _GRID_MARGIN = 1.7  # [m] half the widest driver and its side margin
-_COLOURS = (
-    (235, 235, 235), (25, 25, 28), (150, 152, 156), (170, 30, 30), (35, 60, 130),
-    (90, 95, 100), (210, 200, 170), (30, 90, 60), (220, 140, 30), (110, 20, 40),
-)  # fmt: skip
 
 
 def spawn_points(town: TownMap) -> NDArray[np.float64]:
@@ -90,10 +86,9 @@ class Traffic:
         )
         for i in range(count):
             actor_id = int(ActorIds.TRAFFIC) + i
-            actor = self._world.spawn(
-                actor_id, self._blueprint(actor_id), places[i, :3], float(places[i, 3]), Role.TRAFFIC,
-                _COLOURS[self._draws.stream("colour", actor_id).integer(0, len(_COLOURS))],
-            )  # fmt: skip
+            blueprint = self._blueprint(actor_id)
+            colour = blueprint.colour(self._draws, actor_id)
+            actor = self._world.spawn(actor_id, blueprint, places[i, :3], float(places[i, 3]), Role.TRAFFIC, colour)
             driver = draw_driver(self._draws, actor_id)
             fleet.row[i] = actor.row
             fleet.key[i] = self._draws.stream("branch", actor_id).key

@@ -8,7 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lavsim.errors import UnknownName
+from lavsim.random import Draws
 from lavsim.types import ActorClass
+
+PAINTS = (
+    (235, 235, 235), (25, 25, 28), (150, 152, 156), (170, 30, 30), (35, 60, 130),
+    (90, 95, 100), (210, 200, 170), (30, 90, 60), (220, 140, 30), (110, 20, 40),
+)  # fmt: skip
+CLOTHES = (
+    (190, 40, 45), (35, 80, 160), (230, 190, 50), (60, 130, 70), (235, 235, 230), (140, 70, 150), (40, 42, 50),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -21,6 +30,7 @@ class Blueprint:
         size: Full length, width, height [m].
         mass: [kg]; infinite for what a car can't push.
         weight: Relative frequency in background traffic; 0 keeps it out.
+        colours: What it may be painted or dressed in (red, green, blue); one is drawn for each actor.
     """
 
     name: str
@@ -28,6 +38,11 @@ class Blueprint:
     size: tuple[float, float, float]
     mass: float
     weight: float = 0.0
+    colours: tuple[tuple[int, int, int], ...] = PAINTS
+
+    def colour(self, draws: Draws, actor_id: int) -> tuple[int, int, int]:
+        """The colour of one actor."""
+        return self.colours[draws.stream("colour", actor_id).integer(0, len(self.colours))]
 
 
 _IMMOVABLE = float("inf")
@@ -56,15 +71,15 @@ _TABLE = (
     Blueprint("vehicle.yamaha.yzf", _MOTORCYCLE, (2.191, 0.866, 1.530), 250.0, 0.4),
     Blueprint("vehicle.bh.crossbike", _BICYCLE, (1.509, 0.866, 1.612), 90.0, 0.3),
     Blueprint("vehicle.diamondback.century", _BICYCLE, (1.656, 0.582, 1.620), 90.0, 0.3),
-    Blueprint("walker.pedestrian.0001", ActorClass.WALKER, (0.38, 0.38, 1.86), 75.0),
-    Blueprint("walker.pedestrian.0009", ActorClass.WALKER, (0.50, 0.50, 1.10), 30.0),
-    Blueprint("walker.pedestrian.0012", ActorClass.WALKER, (0.38, 0.38, 1.30), 35.0),
-    Blueprint("static.prop.vendingmachine", ActorClass.PROP, (1.10, 0.90, 2.00), _IMMOVABLE),
-    Blueprint("static.prop.container", ActorClass.PROP, (1.90, 1.10, 1.35), _IMMOVABLE),
-    Blueprint("static.prop.busstop", ActorClass.PROP, (3.90, 1.60, 2.70), _IMMOVABLE),
-    Blueprint("static.prop.advertisement", ActorClass.PROP, (1.30, 0.30, 2.40), _IMMOVABLE),
-    Blueprint("static.prop.streetbarrier", ActorClass.PROP, (1.20, 0.40, 1.00), _IMMOVABLE),
-    Blueprint("static.prop.trafficcone01", ActorClass.PROP, (0.40, 0.40, 0.80), 5.0),
+    Blueprint("walker.pedestrian.0001", ActorClass.WALKER, (0.38, 0.38, 1.86), 75.0, colours=CLOTHES),
+    Blueprint("walker.pedestrian.0009", ActorClass.WALKER, (0.50, 0.50, 1.10), 30.0, colours=CLOTHES),
+    Blueprint("walker.pedestrian.0012", ActorClass.WALKER, (0.38, 0.38, 1.30), 35.0, colours=CLOTHES),
+    Blueprint("static.prop.vendingmachine", ActorClass.PROP, (1.10, 0.90, 2.00), _IMMOVABLE, colours=((185, 35, 40),)),
+    Blueprint("static.prop.container", ActorClass.PROP, (1.90, 1.10, 1.35), _IMMOVABLE, colours=((50, 105, 70),)),
+    Blueprint("static.prop.busstop", ActorClass.PROP, (3.90, 1.60, 2.70), _IMMOVABLE, colours=((120, 140, 150),)),
+    Blueprint("static.prop.advertisement", ActorClass.PROP, (1.30, 0.30, 2.40), _IMMOVABLE, colours=((215, 215, 205),)),
+    Blueprint("static.prop.streetbarrier", ActorClass.PROP, (1.20, 0.40, 1.00), _IMMOVABLE, colours=((220, 60, 45),)),
+    Blueprint("static.prop.trafficcone01", ActorClass.PROP, (0.40, 0.40, 0.80), 5.0, colours=((240, 110, 30),)),
 )
 
 BLUEPRINTS = {blueprint.name: blueprint for blueprint in _TABLE}
