@@ -32,6 +32,7 @@ EGO_BLUEPRINTS = {"1.0": "vehicle.lincoln.mkz_2017", "2.x": "vehicle.lincoln.mkz
 _EGO_COLOUR = (40, 80, 160)
 _TRIGGER_WINDOW = 5  # route points ahead that may become the nearest one
 _PLACE_RANGE = 500.0  # [m] from the ego within which a hazard's actors appear
+_FLAT = 0.1  # [m] towns whose lanes differ by less in z are one plane
 _HISTORY = 8  # snapshots kept for sensors that look back
 
 
@@ -107,7 +108,8 @@ class Simulation:
         self.route = get_planner(self.town).trace(spec.keypoints)
         self.draws = Draws.of_seed(spec.seed)
         self._lights = TrafficLights(len(self.town.lights), self.town.light_groups)
-        self._world = World(_walls(self.town))
+        self._has_slopes = float(np.ptp(self.town.lanes.points[:, 2])) > _FLAT
+        self._world = World(_walls(self.town), has_levels=self._has_slopes)
         self._spawn_ego()
         vehicles = TRAFFIC_PROFILES[spec.traffic] if spec.vehicles is None else spec.vehicles
         self._traffic = Traffic(self.town, self._world, self.draws, vehicles)
@@ -133,6 +135,7 @@ class Simulation:
         self._traffic.control(self._lights.states(self._world.tick * 0.05))
         self._world.drive_ego(_as_logged(control))
         self._world.step()
+        self._follow_ground()
         self._track_route()
         return self._publish()
 
@@ -227,6 +230,17 @@ class Simulation:
             except StopIteration:
                 hazard.scenario.clear()
                 hazard.is_over = True
+
+    def _follow_ground(self) -> None:
+        """Sets actors of the ego and of hazards on the lane below them; traffic knows its own."""
+        if not self._has_slopes:
+            return
+        world = self._world
+        here = world.present[: world.count].copy()
+        here[self._traffic.rows] = False
+        rows = np.flatnonzero(here)
+        points = np.column_stack([world.pose[rows, :2], world.height[rows]])
+        world.height[rows] = self.town.nearest(points).points[:, 2]
 
     def _track_route(self) -> None:
         """Nearest route point in the window ahead, later ones win ties (reference `leaderboard.md` 3.2)."""

@@ -13,6 +13,7 @@ from lavsim.kernel import kernel
 CELL = 8.0  # [m]
 LOOKAHEAD_TIME = 2.0  # [s] how far ahead a crossing road user is expected to keep its velocity
 CROSSING_SPEED = 0.6  # [m/s] across the path: below that an obstacle is where it is
+LEVEL_GAP = 3.0  # [m] as in `lavsim.world.physics`
 _CELLS_PER_BOX = 48
 
 
@@ -24,12 +25,14 @@ class Boxes(NamedTuple):
         pose: (N, 3) x, y [m], yaw [rad].
         velocity: (N, 3) vx, vy [m/s], yaw rate.
         half: (N, 2) half length, half width [m].
+        height: (N,) z of the ground below [m].
     """
 
     present: NDArray[np.bool_]
     pose: NDArray[np.float64]
     velocity: NDArray[np.float64]
     half: NDArray[np.float64]
+    height: NDArray[np.float64]
 
 
 class Grid(NamedTuple):
@@ -121,7 +124,7 @@ def obstacle_at(
     while entry >= 0:
         i = grid.box[entry]
         entry = grid.follow[entry]
-        if i == own:
+        if i == own or abs(boxes.height[i] - boxes.height[own]) > LEVEL_GAP:
             continue
         vx, vy = boxes.velocity[i, 0], boxes.velocity[i, 1]
         gap = _gap_to(boxes, i, x, y, path_x, path_y, 0.0, margin)

@@ -57,10 +57,15 @@ class Traffic:
     def __len__(self) -> int:
         return len(self._fleet.row)
 
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Rows of the background vehicles in the world."""
+        return self._fleet.row
+
     def control(self, lights: NDArray[np.uint8]) -> None:
         """Lets every driver decide on this tick; writes the world's commands."""
         world, n = self._world, self._world.count
-        boxes = Boxes(world.present[:n], world.pose[:n], world.velocity[:n], self._half_sizes())
+        boxes = Boxes(world.present[:n], world.pose[:n], world.velocity[:n], self._half_sizes(), world.height[:n])
         if len(self._grid.box) < 48 * n:
             self._grid = make_grid(self._bounds, 2 * n)
         fill_grid(self._grid, boxes, _GRID_MARGIN)

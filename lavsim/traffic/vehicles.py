@@ -141,6 +141,15 @@ def lane_point(lanes: Lanes, lane: int, u: float) -> tuple[float, float, float, 
 
 
 @kernel
+def lane_height(lanes: Lanes, lane: int, u: float) -> float:
+    """z of a lane centre at `u` [m]."""
+    first, last = lanes.first[lane], lanes.first[lane + 1] - 1
+    at = min(max(u / lanes.step[lane], 0.0), float(last - first))
+    k = min(first + int(at), max(last - 1, first))
+    return lanes.points[k, 2] + (lanes.points[min(k + 1, last), 2] - lanes.points[k, 2]) * (at - (k - first))
+
+
+@kernel
 def extend_path(lanes: Lanes, fleet: Fleet, i: int) -> None:
     """Draws branches until the path of vehicle `i` is full or the road ends."""
     previous = fleet.lane[i]
@@ -373,7 +382,7 @@ def drive(
     Args:
         lanes: The road network.
         fleet: The drivers; where they are is updated.
-        boxes: Everything that can be hit.
+        boxes: Everything that can be hit; the heights of the fleet's rows are updated.
         grid: The same, by place (`fill_grid`).
         near: Scratch space (`make_approaches`).
         lights: (L,) `LightState` of the town's lights.
@@ -389,6 +398,7 @@ def drive(
         row = fleet.row[i]
         if boxes.present[row]:
             offsets[i] = _advance(lanes, fleet, i, boxes.pose[row, 0], boxes.pose[row, 1])
+            boxes.height[row] = lane_height(lanes, fleet.lane[i], fleet.u[i])
     _survey(lanes, fleet, boxes, near)
     for i in range(count):
         row = fleet.row[i]

@@ -28,6 +28,7 @@ _CONTACT_FIELDS = (
     | pymunk.batch.ArbiterFields.TOTAL_IMPULSE
     | pymunk.batch.ArbiterFields.POINT_A_1
 )
+LEVEL_GAP = 3.0  # [m] DESIGN section 2: actors farther apart in z ignore each other
 _FRICTION = 0.4
 _RESTITUTION = 0.1
 
@@ -56,9 +57,10 @@ class Physics:
 
     Args:
         walls: Convex polygons `(M, 2)` [m] that nothing moves.
+        has_levels: Whether roads pass over each other: bodies more than `LEVEL_GAP` apart in z then don't meet.
     """
 
-    def __init__(self, walls: Sequence[NDArray[np.float64]] = ()) -> None:
+    def __init__(self, walls: Sequence[NDArray[np.float64]] = (), has_levels: bool = False) -> None:
         self._space = pymunk.Space()
         self._space.iterations = 8
         self._space.collision_persistence = 1  # a pair is listed only in ticks in which it touches
@@ -67,6 +69,9 @@ class Physics:
         self._row_of_body: dict[int, int] = {}
         self._order: NDArray[np.int64] | None = None
         self._unsettled = np.zeros(0, dtype=np.int64)
+        self._height = np.zeros(0)
+        if has_levels:
+            self._space.on_collision(begin=self._part_levels)
         for wall in walls:
             shape = pymunk.Poly(self._space.static_body, [tuple(map(float, corner)) for corner in wall])
             shape.friction, shape.elasticity = _FRICTION, _RESTITUTION
@@ -95,7 +100,11 @@ class Physics:
         self._order = None
 
     def step(
-        self, pose: NDArray[np.float64], move: NDArray[np.float64], velocity: NDArray[np.float64]
+        self,
+        pose: NDArray[np.float64],
+        move: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        height: NDArray[np.float64],
     ) -> tuple[NDArray[np.int64], Contacts]:
         """Moves all bodies by one tick.
 
@@ -103,10 +112,12 @@ class Physics:
             pose: (N, 3) x, y, yaw of all rows, updated to where they came.
             move: (N, 3) displacement and turn the World wants; zero for rows that are gone.
             velocity: (N, 3) vx, vy, yaw rate; filled for rows that touched something.
+            height: (N,) z of the ground below [m].
 
         Returns:
             Rows whose pose and velocity the engine decided, and the contacts of the tick.
         """
+        self._height = height
         order = self._space_order()
         state = np.concatenate([pose[order], move[order] / DT], axis=1)
         state[order < 0] = 0.0  # the static world stays at the origin
@@ -126,6 +137,12 @@ class Physics:
             pose[decided], velocity[decided] = result[where, :3], result[where, 3:]
         self._unsettled = touched  # for one more tick the engine pushes overlapping bodies apart
         return decided, contacts
+
+    def _part_levels(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
+        """Lets bodies on a bridge and below it pass through each other."""
+        first, second = (self._row_of_body.get(body.id, -1) for body in arbiter.bodies)
+        if first >= 0 and second >= 0 and abs(self._height[first] - self._height[second]) > LEVEL_GAP:
+            arbiter.process_collision = False
 
     def _space_order(self) -> NDArray[np.int64]:
         """Row of each body in the order in which the engine lists them; -1 is the static world."""
@@ -147,5 +164,7 @@ class Physics:
         rows = np.sort(rows, axis=1)
         rows = np.where(rows[:, :1] < 0, rows[:, ::-1], rows)  # the static world second
         order = np.lexsort((rows[:, 1], rows[:, 0]))
+        apart = np.abs(self._height[rows[order, 0]] - self._height[rows[order, 1]]) > LEVEL_GAP
+        order = order[~apart | (rows[order, 1] < 0)]
         impulse = np.hypot(values[:, 0], values[:, 1])
         return Contacts(rows[order], impulse[order], values[order, 2:].copy())

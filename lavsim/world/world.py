@@ -83,6 +83,7 @@ class World:
 
     Args:
         walls: Convex footprints `(M, 2)` of what vehicles collide with.
+        has_levels: Whether roads pass over each other.
 
     Attributes:
         table: What does not change about each row.
@@ -97,11 +98,11 @@ class World:
         touched: (capacity,) tick of the last contact, -1 for none.
     """
 
-    def __init__(self, walls: Sequence[NDArray[np.float64]] = ()) -> None:
+    def __init__(self, walls: Sequence[NDArray[np.float64]] = (), has_levels: bool = False) -> None:
         self.table = ActorTable.empty()
         self.count = 0
         self.tick = 0
-        self._physics = Physics(walls)
+        self._physics = Physics(walls, has_levels)
         self._contacts = NO_CONTACTS
         self._rear = np.zeros(0)
         self._gait = np.zeros(0)
@@ -179,7 +180,7 @@ class World:
         integrate(self.motion[:n], self.pose[:n], self.body[:n], self.command[:n], self._rear[:n], move)
         self.velocity[:n, :2] = move[:, 3:]
         self.velocity[:n, 2] = move[:, 2] / DT
-        decided, self._contacts = self._physics.step(self.pose[:n], move[:, :3], self.velocity[:n])
+        decided, self._contacts = self._physics.step(self.pose[:n], move[:, :3], self.velocity[:n], self.height[:n])
         self.tick += 1
         if len(decided):
             self._take_over(decided)

@@ -25,7 +25,13 @@ def boxes_at(*poses: tuple[float, float, float, float, float]) -> Boxes:
     """Cars at (x, y, yaw, vx, vy)."""
     values = np.array(poses, dtype=float)
     velocity = np.column_stack([values[:, 3:], np.zeros(len(values))])
-    return Boxes(np.ones(len(values), bool), values[:, :3].copy(), velocity, np.tile([2.3, 0.95], (len(values), 1)))
+    return Boxes(
+        np.ones(len(values), bool),
+        values[:, :3].copy(),
+        velocity,
+        np.tile([2.3, 0.95], (len(values), 1)),
+        np.zeros(len(values)),
+    )
 
 
 def gap_ahead(boxes: Boxes, x: float, time: float = 0.0) -> tuple[float, float]:
@@ -51,6 +57,12 @@ def test_a_car_in_the_next_lane_is_not(y: float) -> None:
 
 def test_oncoming_traffic_in_its_own_lane_blocks_nobody() -> None:
     assert math.isinf(gap_ahead(boxes_at(OWN, (20.0, -3.5, math.pi, -8.0, 0.0)), 19.0, 2.0)[0])
+
+
+def test_a_car_on_the_bridge_above_blocks_nobody() -> None:
+    boxes = boxes_at(OWN, (20.0, 0.0, 0.0, 5.0, 0.0))
+    boxes.height[1] = 5.0
+    assert math.isinf(gap_ahead(boxes, 19.0)[0])
 
 
 def test_a_crossing_car_blocks_where_it_will_be() -> None:

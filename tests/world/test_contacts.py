@@ -120,3 +120,13 @@ def test_the_imu_feels_braking() -> None:
     assert braking.ego_motion[0] < -5.0
     turning = drive(world, 1, Control(throttle=0.5, steer=0.4))[-1]
     assert turning.ego_motion[5] > 0.1
+
+
+@pytest.mark.parametrize(("z", "meets"), [(5.0, False), (1.0, True)])
+def test_cars_on_different_levels_pass_through_each_other(z: float, meets: bool) -> None:
+    world = World(has_levels=True)
+    world.spawn(int(ActorIds.EGO), EGO, np.zeros(3), 0.0, Role.EGO)
+    world.spawn(1000, BLUEPRINTS["vehicle.audi.tt"], np.array([20.0, 0.0, z]), 0.0, Role.TRAFFIC)
+    snapshots = drive(world, 100, Control(throttle=0.75))
+    assert bool(contacts(snapshots)) == meets
+    assert (snapshots[-1].ego.speed > 9.0) != meets
