@@ -99,6 +99,7 @@ class LaneTable:
         change_left, change_right: (L,) bool, marks allow the change over at least half of the lane.
         speed_limit: (L,) [m/s].
         light: (L,) int32, traffic light that governs this junction lane, or -1.
+        sign: (L,) int32, stop or yield sign in `TownMap.signs` that governs this junction lane, or -1.
         conflict_first, conflict: lanes of the same junction whose swept areas meet this one's (compressed rows);
             lanes that diverge from one predecessor are left out, merging ones are in.
         conflict_u: (E, 2) where they meet, as an interval of u on this lane [m].
@@ -129,6 +130,7 @@ class LaneTable:
     change_right: NDArray[np.bool_]
     speed_limit: Floats
     light: Ints
+    sign: Ints
     conflict_first: Ints
     conflict: Ints
     conflict_u: Floats
@@ -641,6 +643,7 @@ def build_lanes(
         change_right=change_right,
         speed_limit=_speed_limits(pieces, pred, length, junction, limits),
         light=np.full(count, -1, np.int32),  # filled in once the lights are known
+        sign=np.full(count, -1, np.int32),
         conflict_first=conflict_first,
         conflict=conflict,
         conflict_u=conflict_u,

@@ -21,9 +21,11 @@ from lavsim.map.lane_index import LaneIndex, centre_points
 from lavsim.map.opendrive import Network, RoadMark, read_network, reference_origin
 from lavsim.map.signal import (
     LightGroup,
+    Sign,
     TrafficLight,
     build_groups,
     build_lights,
+    build_signs,
     is_stop_line,
     outline_in_world,
     speed_signs,
@@ -98,6 +100,7 @@ class TownMap:
         junctions: As `LaneTable.junction` numbers them.
         lights: Traffic lights as snapshots number them.
         light_groups: Which lights take turns.
+        signs: Stop, yield and speed signs as `LaneTable.sign` numbers them.
         crosswalks: Polygons (M, 2) [m].
         geo_reference: Latitude and longitude of the origin [deg].
         xodr: The file's text.
@@ -110,6 +113,7 @@ class TownMap:
     junctions: tuple[Junction, ...]
     lights: tuple[TrafficLight, ...]
     light_groups: tuple[LightGroup, ...]
+    signs: tuple[Sign, ...]
     crosswalks: tuple[Floats, ...]
     geo_reference: tuple[float, float]
     xodr: str = field(repr=False)
@@ -443,7 +447,8 @@ def build_town(name: str, data: bytes, source: str | None = None) -> TownMap:
                 raise MapError(f"{source or name}: road {road.id} is linked to road {reference.id}, which is missing.")
     lanes = build_lanes(network, shapes, network.junctions, speed_signs(network))
     lights, governing = build_lights(network, shapes, lanes)
-    lanes = replace(lanes, light=governing)
+    signs, guarding = build_signs(network, shapes, lanes)
+    lanes = replace(lanes, light=governing, sign=guarding)
     junctions = tuple(build_junction(k, record, lanes) for k, record in enumerate(network.junctions))
     crosswalks = tuple(
         outline_in_world(thing, shapes[road.id])
@@ -458,6 +463,7 @@ def build_town(name: str, data: bytes, source: str | None = None) -> TownMap:
         junctions=junctions,
         lights=lights,
         light_groups=build_groups(network, network.junctions, lights),
+        signs=signs,
         crosswalks=crosswalks,
         geo_reference=reference_origin(network.geo_reference),
         xodr=data.decode("utf-8", errors="replace"),
