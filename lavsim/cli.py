@@ -361,8 +361,9 @@ class _Bar:
         for record in records[self._done :]:
             self._console.print(
                 f"{len(records)}/{progress.total} {record.route_id}: {record.status}, "
-                f"score {record.scores.composed:.1f}",
+                f"score {record.scores.composed:.1f}" + (f" ({progress.failure})" if progress.failure else ""),
                 highlight=False,
+                markup=False,
             )
         self._done = len(records)
         text = f"{progress.name} in {progress.town}, {progress.game_time:.0f} s" if progress.town else progress.name

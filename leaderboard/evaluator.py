@@ -44,6 +44,7 @@ class Progress:
         game_time: Simulated seconds of it.
         infractions: So far in it.
         results: Of the drives done.
+        failure: What the agent of the drive just done failed with, if it did.
     """
 
     drive: int
@@ -54,6 +55,7 @@ class Progress:
     game_time: float
     infractions: int
     results: Results
+    failure: str | None = None
 
 
 OnProgress = Callable[[Progress], None]
@@ -106,7 +108,8 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
         results.write(config.out)
         write_run(config.out, run)
         if on_progress is not None:
-            on_progress(Progress(len(results.records), len(tasks), task.name, task.entry.town, 0.0, 0.0, 0, results))
+            done, message = len(results.records), run["drives"][-1]["agent_message"]
+            on_progress(Progress(done, len(tasks), task.name, task.entry.town, 0.0, 0.0, 0, results, message))
     results = replace(results, finished=True)
     results.write(config.out)
     made = Run.load(config.out)
