@@ -364,6 +364,7 @@ class _Bar:
                 f"score {record.scores.composed:.1f}" + (f" ({progress.failure})" if progress.failure else ""),
                 highlight=False,
                 markup=False,
+                soft_wrap=True,
             )
         self._done = len(records)
         text = f"{progress.name} in {progress.town}, {progress.game_time:.0f} s" if progress.town else progress.name
