@@ -6,6 +6,7 @@ the coordinate is `u`: metres travelled along the lane's centre line in plan, fr
 
 from __future__ import annotations
 
+import heapq
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 
 from lavsim.errors import MapError
 from lavsim.geometry import wrap_angle
+from lavsim.map.curve import ReferenceLine
+from lavsim.map.links import LaneLinks, Report
 from lavsim.map.opendrive import JunctionRecord, LaneRecord, Network, Polynomial, RoadRecord, SectionRecord
 from lavsim.types import LaneType, RoadOption
 
@@ -26,6 +29,7 @@ STEP = 0.5  # [m] largest spacing of centre points; a chord over it on a 2.7 m r
 MAX_GAP = 1.0  # [m] between linked lanes that nobody drives on
 MOST_POINTS = 4_000_000  # centre points of a town, 2,000 lane-km; more is a broken file
 MOST_JUNCTION_POINTS = 20_000  # 10 km of lanes in one junction
+STEEPEST_BANK = 1.4  # [rad]
 SHORTEST = 1e-3  # [m] sections below this are slips of the drawing tool and carry no lane
 CHANGE_RIGHT, CHANGE_LEFT = 1, 2  # bits of `LaneTable.change`, CARLA's LaneChange
 TURN_THRESHOLD = np.radians(35.0)  # CARLA's GlobalRoutePlanner: less is "straight"
@@ -86,7 +90,8 @@ class LaneTable:
         junction: (L,) int32, index into `TownMap.junctions`, or -1.
         length: (L,) length of the centre line in plan [m].
         s_start: (L,) OpenDRIVE s where travel enters [m].
-        s_end: (L,) s where it leaves; below `s_start` for lanes with positive id.
+        s_end: (L,) s where it leaves; below `s_start` where travel runs against s: on lanes with positive id where
+            traffic keeps right, on those with negative id where it keeps left.
         first: (L+1,) int32; points of lane i are rows first[i] … first[i+1]-1, in the direction of travel.
         step: (L,) their spacing in u [m], uniform within a lane, at most 0.5.
         points: (P, 5) x, y, z [m], yaw [rad, unwrapped within a lane], curvature [1/m, positive to the right].
@@ -167,11 +172,15 @@ class LaneTable:
         """Lanes of any of `types`."""
         return np.flatnonzero(self.type & types)
 
+    def runs_forward(self, lane: int) -> bool:
+        """Whether travel on `lane` runs with s."""
+        return bool(self.s_start[lane] <= self.s_end[lane])
+
     def u_of_s(self, lane: int, s: float) -> float:
         """Travelled length on `lane` at OpenDRIVE `s`, clamped to the lane."""
         along = self.point_s[self.rows(lane)]
         u = np.arange(len(along)) * self.step[lane]
-        if self.lane_id[lane] > 0:
+        if not self.runs_forward(lane):
             return float(np.interp(-s, -along, u))
         return float(np.interp(s, along, u))
 
@@ -210,20 +219,46 @@ class RoadShape:
 
     def __init__(self, road: RoadRecord) -> None:
         self.road = road
-        self.s = np.array([g.s for g in road.geometry])
-        self.start = np.array([(g.x, g.y, g.heading, g.curvature) for g in road.geometry])
+        self.line = ReferenceLine(road.geometry)
         self.elevation = Profile(road.elevation)
+        self.superelevation = Profile(road.superelevation)
+        self.crossfall = {
+            side: Profile([p for of, p in road.crossfall if of in (side, "both")]) for side in ("left", "right")
+        }
+        self.is_level = not (road.superelevation or road.crossfall or road.shapes)
         self.offset = Profile(road.lane_offset)
         self.section_s = np.array([section.s for section in road.sections] + [road.length])
 
     def pose(self, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """x, y, heading and curvature of the reference line at `s`."""
-        row = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, None)
-        x, y, heading, curvature = self.start[row].T
-        ds = s - self.s[row]
-        half = 0.5 * curvature * ds  # chord of an arc: exact, and a line where the curvature is 0
-        chord = ds * np.sinc(half / np.pi)
-        return x + chord * np.cos(heading + half), y + chord * np.sin(heading + half), heading + 2.0 * half, curvature
+        return self.line.pose(s)[:4]
+
+    def height(self, s: Floats, t: Floats) -> Floats:
+        """z of the road's surface at `s` and lateral `t`: elevation, superelevation, crossfall and shapes."""
+        z = self.elevation(s)[0]
+        if self.is_level:
+            return z
+        z = z + t * np.tan(np.clip(self.superelevation(s)[0], -STEEPEST_BANK, STEEPEST_BANK))
+        for side, wanted in (("left", t > 0.0), ("right", t < 0.0)):
+            fall = np.tan(np.clip(self.crossfall[side](s)[0], -STEEPEST_BANK, STEEPEST_BANK))
+            z = z - np.where(wanted, np.abs(t) * fall, 0.0)
+        return z + self._shape_height(s, t)
+
+    def _shape_height(self, s: Floats, t: Floats) -> Floats:
+        """Height of the cross-section profiles, linear in s between them."""
+        shapes = self.road.shapes
+        if not shapes:
+            return np.zeros_like(s)
+        stations = np.array([shape.s for shape in shapes])
+        low = np.clip(np.searchsorted(stations, s, side="right") - 1, 0, len(shapes) - 1)
+        high = np.minimum(low + 1, len(shapes) - 1)
+        values = np.zeros((2, len(s)))
+        for out, rows in zip(values, (low, high), strict=True):
+            for row in np.unique(rows):
+                mine = rows == row
+                out[mine] = Profile(shapes[row].pieces)(t[mine])[0]
+        share = np.clip((s - stations[low]) / np.maximum(stations[high] - stations[low], 1e-9), 0.0, 1.0)
+        return np.asarray(values[0] + share * (values[1] - values[0]))
 
     def place(self, s: float, t: float, use_offset: bool = False) -> tuple[float, float, float, float]:
         """World x, y, z and yaw [m, rad] of the road point (s, t); `t` from the lane offset if `use_offset`."""
@@ -231,12 +266,12 @@ class RoadShape:
         x, y, heading, _ = (float(v[0]) for v in self.pose(at))
         if use_offset:
             t = t + float(self.offset(at)[0][0])
-        z = float(self.elevation(at)[0][0])
+        z = float(self.height(at, np.array([t]))[0])
         return x - t * np.sin(heading), -(y + t * np.cos(heading)), z, -heading
 
     def breakpoints(self, low: float, high: float) -> Floats:
         """Values of s in (low, high) where curvature or a record changes."""
-        marks = np.concatenate([self.s, self.offset.s])
+        marks = np.concatenate([self.line.s, self.offset.s])
         return marks[(marks > low + SHORTEST) & (marks < high - SHORTEST)]
 
 
@@ -247,31 +282,62 @@ class SectionShape:
         self.shape = shape
         self.record: SectionRecord = shape.road.sections[index]
         self.start, self.end = float(shape.section_s[index]), float(shape.section_s[index + 1])
-        self.widths = {
-            lane.id: Profile([Polynomial(p.s + self.start, p.a, p.b, p.c, p.d) for p in lane.widths])
-            for lane in self.record.lanes
-            if lane.id != 0
+        self.lanes = {lane.id: lane for lane in self.record.lanes}
+        self.widths = {lane.id: self._profile(lane.widths) for lane in self.record.lanes if lane.id != 0}
+        self.borders = {
+            lane.id: self._profile(lane.borders) for lane in self.record.lanes if lane.borders and not lane.widths
         }
+
+    def _profile(self, records: Sequence[Polynomial]) -> Profile:
+        return Profile([Polynomial(p.s + self.start, p.a, p.b, p.c, p.d) for p in records])
+
+    def forward(self, lane_id: int) -> bool:
+        """Whether travel on a lane runs with s."""
+        return (lane_id < 0) != self.shape.road.left_hand
 
     def edge(self, lane_id: int, s: Floats) -> tuple[Floats, Floats]:
         """t and dt/ds of the outer edge of a lane (of lane 0: the centre line)."""
         t, slope = self.shape.offset(s)
         sign = 1 if lane_id > 0 else -1
         for k in range(sign, lane_id + sign, sign):
-            width, change = self.widths[k](s)
-            t, slope = t + sign * width, slope + sign * change
+            if k in self.borders:
+                t, slope = self.borders[k](s)
+            else:
+                width, change = self.widths[k](s)
+                t, slope = t + sign * width, slope + sign * change
         return t, slope
 
     def centre(self, lane_id: int, s: Floats) -> tuple[Floats, Floats, Floats]:
         """t, dt/ds of the centre of a lane, and its width."""
         sign = 1 if lane_id > 0 else -1
         inner, slope = self.edge(lane_id - sign, s)
-        width, change = self.widths[lane_id](s)
+        if lane_id in self.borders:
+            outer, outer_slope = self.borders[lane_id](s)
+            width, change = sign * (outer - inner), sign * (outer_slope - slope)
+        else:
+            width, change = self.widths[lane_id](s)
         return inner + sign * width / 2.0, slope + sign * change / 2.0, width
+
+    def height(self, lane_id: int, s: Floats, t: Floats) -> Floats:
+        """z of a lane's surface at `s` and lateral `t`; level lanes keep the height of their inner edge."""
+        lane = self.lanes[lane_id]
+        if lane.level and not self.shape.is_level:
+            sign = 1 if lane_id > 0 else -1
+            inner = lane_id
+            while inner - sign != 0 and self.lanes[inner - sign].level:
+                inner -= sign
+            t = self.edge(inner - sign, s)[0]
+        z = self.shape.height(s, t)
+        if lane.heights:
+            starts = np.array([h[0] for h in lane.heights]) + self.start
+            kerb = np.array([(h[1] + h[2]) / 2.0 for h in lane.heights])
+            row = np.searchsorted(starts, s, side="right") - 1
+            z = z + np.where(row < 0, 0.0, kerb[np.maximum(row, 0)])
+        return z
 
     def breakpoints(self) -> Floats:
         marks = [self.shape.breakpoints(self.start, self.end)]
-        marks += [profile.s for profile in self.widths.values() if not profile.is_constant]
+        marks += [p.s for p in (*self.widths.values(), *self.borders.values()) if not p.is_constant]
         along = np.concatenate(marks)
         return along[(along > self.start + SHORTEST) & (along < self.end - SHORTEST)]
 
@@ -279,20 +345,21 @@ class SectionShape:
         """World points `(n, 3)` at `s` and lateral offsets `t_of[0]`."""
         x, y, heading, _ = self.shape.pose(s)
         t = t_of[0]
-        return np.stack([x - t * np.sin(heading), -(y + t * np.cos(heading)), self.shape.elevation(s)[0]], axis=1)
+        return np.stack([x - t * np.sin(heading), -(y + t * np.cos(heading)), self.shape.height(s, t)], axis=1)
 
 
-def change_bits(section: SectionRecord, lane_id: int, along: Floats) -> NDArray[np.uint8]:
+def change_bits(section: SectionRecord, lane_id: int, along: Floats, left_hand: bool = False) -> NDArray[np.uint8]:
     """Lane changes that the marks allow at distances `along` from the section's start: 1 right, 2 left.
 
     A missing record counts as both (CARLA). For lanes with positive id the text's "increase" and "decrease" swap
-    sides (reference `carla.md` 3.4).
+    sides (reference `carla.md` 3.4). A lane's own mark lies on its right where traffic keeps right, else on its left.
     """
     by_id = {lane.id: lane for lane in section.lanes}
     own, inner = by_id[lane_id], by_id[lane_id + (-1 if lane_id > 0 else 1)]
-    right_words, left_words = ("both", "increase"), ("both", "decrease")
+    own_words, inner_words = ("both", "increase"), ("both", "decrease")
     if lane_id > 0:
-        right_words, left_words = left_words, right_words
+        own_words, inner_words = inner_words, own_words
+    own_bit, inner_bit = (CHANGE_LEFT, CHANGE_RIGHT) if left_hand else (CHANGE_RIGHT, CHANGE_LEFT)
 
     def allowed(lane: LaneRecord, words: tuple[str, str]) -> NDArray[np.bool_]:
         if not lane.marks:
@@ -303,7 +370,7 @@ def change_bits(section: SectionRecord, lane_id: int, along: Floats) -> NDArray[
         row = np.searchsorted([mark.s for mark in lane.marks], along + 1e-9, side="right") - 1
         return np.where(row < 0, True, yes[np.maximum(row, 0)])
 
-    return (allowed(own, right_words) * CHANGE_RIGHT + allowed(inner, left_words) * CHANGE_LEFT).astype(np.uint8)
+    return (allowed(own, own_words) * own_bit + allowed(inner, inner_words) * inner_bit).astype(np.uint8)
 
 
 @dataclass
@@ -320,37 +387,47 @@ class _Piece:
     length: float
     change: NDArray[np.uint8]
 
+    @property
+    def forward(self) -> bool:
+        return self.shape.forward(self.lane.id)
 
-def _measure(section: SectionShape, index: int, lane: LaneRecord, nodes: Floats, heading: Floats) -> _Piece:
+
+def _measure(
+    section: SectionShape, index: int, lane: LaneRecord, nodes: Floats, heading: Floats, stretch: Floats
+) -> _Piece:
     """Samples the centre line of one lane at equal travelled lengths."""
     middle = 0.5 * (nodes[1:] + nodes[:-1])
     t, slope, _ = section.centre(lane.id, middle)
-    speed = np.hypot(1.0 - heading * t, slope)  # du/ds; within a piece of line or arc exact at any point
+    speed = np.hypot(stretch - heading * t, slope)  # du/ds; within a piece of line or arc exact at any point
     u = np.concatenate([[0.0], np.cumsum(speed * np.diff(nodes))])
     length = float(u[-1])
     if not length <= MOST_POINTS * STEP:
-        road = section.shape.road.id
-        raise MapError(f"lane {lane.id} of road {road} would be {length / 1000.0:.3g} km long; check its widths.")
+        road = section.shape.road
+        raise MapError(
+            f"line {road.line}: lane {lane.id} of road {road.id} would be {length / 1000.0:.3g} km long; "
+            "check its widths."
+        )
     count = max(1, int(np.ceil(length / STEP - 1e-9)))
     s = np.interp(np.linspace(0.0, length, count + 1), u, nodes)
-    if lane.id > 0:
+    forward = section.forward(lane.id)
+    if not forward:
         s = s[::-1].copy()
     # Records that begin exactly where the section ends belong to the next one.
     inside = np.minimum(s, section.end - 1e-7)
     t, slope, width = section.centre(lane.id, inside)
-    x, y, phi, curvature = section.shape.pose(inside)
-    bend = 1.0 - curvature * t
+    x, y, phi, curvature, stretch = section.shape.line.pose(inside)
+    bend = stretch - curvature * t
     yaw = -(phi + np.arctan2(slope, bend))
     turned = -curvature * bend / np.maximum(bend * bend + slope * slope, 1e-9)
-    if lane.id > 0:
+    if not forward:
         yaw, turned = yaw + np.pi, -turned
     points = np.empty((count + 1, 5))
     points[:, 0] = x - t * np.sin(phi)
     points[:, 1] = -(y + t * np.cos(phi))
-    points[:, 2] = section.shape.elevation(inside)[0]
+    points[:, 2] = section.height(lane.id, inside, t)
     points[:, 3] = np.unwrap(yaw)
     points[:, 4] = turned
-    change = change_bits(section.record, lane.id, inside - section.start)
+    change = change_bits(section.record, lane.id, inside - section.start, section.shape.road.left_hand)
     return _Piece(section.shape.road, index, lane, section, points, s, np.maximum(width, 0.0), length, change)
 
 
@@ -369,64 +446,13 @@ def _pieces(network: Network, shapes: dict[int, RoadShape]) -> list[_Piece]:
             nodes = np.linspace(section.start, section.end, count + 1)
             nodes = np.unique(np.concatenate([nodes, section.breakpoints()]))
             nodes = nodes[np.concatenate([[True], np.diff(nodes) > 1e-9])]
-            curvature = shape.pose(0.5 * (nodes[1:] + nodes[:-1]))[3]
+            curvature, stretch = shape.line.pose(0.5 * (nodes[1:] + nodes[:-1]))[3:]
             for lane in section.record.lanes:
                 if lane.id != 0:
-                    piece = _measure(section, index, lane, nodes, curvature)
+                    piece = _measure(section, index, lane, nodes, curvature, stretch)
                     if piece.length > SHORTEST and np.isfinite(piece.points).all():
                         pieces.append(piece)
     return pieces
-
-
-def _links(network: Network, pieces: list[_Piece], index: dict[tuple[int, int, int], int]) -> list[tuple[int, int]]:
-    """Pairs (lane, next lane) in the direction of travel, as CARLA's map builder finds them."""
-    roads = {road.id: road for road in network.roads}
-    connections: dict[tuple[int, int], list[tuple[int, str, int]]] = {}
-    for junction in network.junctions:
-        for c in junction.connections:
-            for source, target in c.links:
-                connections.setdefault((c.incoming, source), []).append((c.connecting, c.contact, target))
-    sections: dict[int, list[int]] = {}
-    for piece in pieces:
-        known = sections.setdefault(piece.road.id, [])
-        if not known or known[-1] != piece.section:
-            known.append(piece.section)
-
-    pairs: list[tuple[int, int]] = []
-
-    def enter(lane: int, road: int, lane_id: int, contact: str) -> None:
-        if road not in roads or lane_id == 0 or road not in sections:
-            return
-        # Travel enters at the end where it begins: right-hand lanes at the start, the others at the end.
-        section = sections[road][0 if lane_id < 0 else -1]
-        if contact and contact != ("start" if lane_id < 0 else "end"):
-            return
-        target = index.get((road, section, lane_id))
-        if target is not None and target != lane:
-            pairs.append((lane, target))
-
-    for number, piece in enumerate(pieces):
-        road, lane = piece.road, piece.lane
-        forward = lane.id < 0
-        known = sections[road.id]
-        place = known.index(piece.section) + (1 if forward else -1)
-        next_id = (lane.successor if forward else lane.predecessor) or 0
-        if 0 <= place < len(known):
-            if next_id:
-                following = index.get((road.id, known[place], next_id))
-                if following is not None and (next_id < 0) == forward:
-                    pairs.append((number, following))
-            continue
-        link = road.successor if forward else road.predecessor
-        if link is None:
-            continue
-        if link.kind == "road":
-            if next_id:
-                enter(number, link.id, next_id, link.contact)
-        else:
-            for connecting, contact, entered in connections.get((road.id, lane.id), []):
-                enter(number, connecting, entered, contact)
-    return pairs
 
 
 def _compress(pairs: Sequence[tuple[int, int]], count: int) -> tuple[Ints, Ints]:
@@ -446,7 +472,8 @@ def _neighbours(
     for number, piece in enumerate(pieces):
         lane_id = piece.lane.id
         outward = -1 if lane_id < 0 else 1
-        for side, other_id in ((right, lane_id + outward), (left, lane_id - outward)):
+        outer, inner = (left, right) if piece.road.left_hand else (right, left)
+        for side, other_id in ((outer, lane_id + outward), (inner, lane_id - outward)):
             other = index.get((piece.road.id, piece.section, other_id)) if other_id != 0 else None
             if other is not None and types[other] == types[number]:
                 side[number] = other
@@ -574,6 +601,7 @@ def build_lanes(
     shapes: dict[int, RoadShape],
     junctions: Sequence[JunctionRecord],
     limits: dict[int, list[tuple[float, tuple[tuple[int, int], ...], float]]],
+    report: Report,
 ) -> LaneTable:
     """The lanes of a town.
 
@@ -582,6 +610,7 @@ def build_lanes(
         shapes: Road shapes by road id.
         junctions: Junctions in the order in which the table numbers them.
         limits: Speed signs by road id: (s, lane id ranges, limit [m/s]); empty when the town has none.
+        report: Takes up what was wrong with links.
 
     Raises:
         MapError: no lane has a length.
@@ -604,9 +633,10 @@ def build_lanes(
     length = np.array([p.length for p in pieces])
     step = length / (sizes - 1)
     road_id = np.array([p.road.id for p in pieces], np.int32)
+    reach = {i: np.stack(s.pose(np.array([0.0, s.road.length]))[:2], axis=1) for i, s in shapes.items()}
     pairs = [
         (a, b)
-        for a, b in dict.fromkeys(_links(network, pieces, index))
+        for a, b in LaneLinks(network, pieces, index, reach, report).pairs()
         if (types[a] & DRIVABLE and types[b] & DRIVABLE)
         # Sidewalks and shoulders have no direction of travel; a link that only fits the other way is no link.
         or (types[a] == types[b] and np.hypot(*(pieces[a].points[-1, :2] - pieces[b].points[0, :2])) < MAX_GAP)
@@ -616,7 +646,7 @@ def build_lanes(
     left, right, change_left, change_right = _neighbours(pieces, index, types)
     starts, ends = points[first[:-1]], points[first[1:] - 1]
     conflict_first, conflict, conflict_u = _conflicts(first, step, points, junction, types, road_id, pairs)
-    forward = np.array([p.lane.id < 0 for p in pieces])
+    forward = np.array([p.forward for p in pieces])
     low, high = np.array([p.shape.start for p in pieces]), np.array([p.shape.end for p in pieces])
     return LaneTable(
         road_id=road_id,
@@ -674,11 +704,13 @@ def _speed_limits(
         for s, ranges, limit in limits.get(piece.road.id, []):
             if low <= s <= high and any(a <= piece.lane.id <= b for a, b in ranges):
                 share = (s - low) / (high - low)
-                records.append((share if piece.lane.id < 0 else 1.0 - share, limit))
+                records.append((share if piece.forward else 1.0 - share, limit))
         if not limits:
             for speed in piece.road.speeds:
                 if speed.s < high and (not records or speed.s <= low):
                     records = [(0.0, speed.limit)]
+            if piece.lane.speeds:
+                records = [(0.0, piece.lane.speeds[0].limit)]
         if records:
             records.sort()
             marks = [r[0] for r in records] + [1.0]
@@ -691,17 +723,20 @@ def _speed_limits(
                 own[k] = best
     known = ~np.isnan(leaving)
     arriving = np.full(count, np.nan)
-    for _ in range(count):
-        changed = False
-        for k in range(count):
-            values = [leaving[p] for p in pred[1][pred[0][k] : pred[0][k + 1]] if not np.isnan(leaving[p])]
-            if values and not (arriving[k] <= min(values)):
-                arriving[k] = min(values)
-                changed = True
-                if not known[k]:
-                    leaving[k] = arriving[k]
-        if not changed:
-            break
+    follow: dict[int, list[int]] = {}
+    for k in range(count):
+        for p in pred[1][pred[0][k] : pred[0][k + 1]]:
+            follow.setdefault(int(p), []).append(k)
+    # The lowest limit that any way brings: lanes are settled in rising order of it.
+    rising = [(float(leaving[k]), int(k)) for k in np.flatnonzero(known)]
+    heapq.heapify(rising)
+    while rising:
+        limit, k = heapq.heappop(rising)
+        for following in follow.get(k, ()):
+            if np.isnan(arriving[following]):
+                arriving[following] = limit
+                if not known[following]:
+                    heapq.heappush(rising, (limit, following))
     limit_of = np.where(np.isnan(own), arriving, own)
     return np.where(np.isnan(limit_of), DEFAULT_LIMIT, limit_of)
 

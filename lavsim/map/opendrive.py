@@ -3,7 +3,7 @@
 Frames here are OpenDRIVE's (x east, y north, angles counter-clockwise, `t` positive to the left of the reference
 line). `lavsim.map.lane` turns them into the world frame, once. `lavsim.map.write` writes these records back.
 
-Read so far: lines and arcs. A curve of another kind is refused by name rather than drawn wrong.
+Ids that are no whole numbers ("Kalle") are numbered, and the report says how.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,13 +23,32 @@ from lavsim.errors import MapError
 SPEED_UNITS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "mph": 0.44704, "": 1.0}  # [m/s] per unit
 MAX_COORDINATE = 1e6  # [m] a town farther out than this, or a road longer, is a broken file
 MAX_CURVATURE = 10.0  # [1/m]
+MAX_BYTES = 64_000_000  # of a file; Town04 has 3.4 million
+MAX_LANES = 30_000  # lane pieces of a file; Town04 has 924
+MAX_THINGS = 100_000  # signals, references and objects of a file
+MAX_RECORDS = 1_000_000  # polynomials and marks of a file
+UNKNOWN_ID = 2**30  # numbers from here on stand for names of things that the file lacks
 
 Validity = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
+class Cubic:
+    """u(p) and v(p) as a + b·p + c·p² + d·p³, p from 0 to `end`, in the frame of the piece's start.
+
+    Attributes:
+        open_ended: The piece ends after its length, not at `end` (poly3).
+    """
+
+    u: tuple[float, float, float, float]
+    v: tuple[float, float, float, float]
+    end: float
+    open_ended: bool = False
+
+
+@dataclass(frozen=True)
 class Geometry:
-    """A piece of the reference line: a line (curvature 0) or an arc.
+    """A piece of the reference line: a line (curvature 0), an arc, a spiral or a cubic.
 
     Attributes:
         s: Where it starts on the road [m].
@@ -37,7 +56,9 @@ class Geometry:
         y: Start, north [m].
         heading: At the start, counter-clockwise from east [rad].
         length: [m].
-        curvature: [1/m], positive to the left.
+        curvature: [1/m], positive to the left; of a spiral at its start.
+        end_curvature: Of a spiral at its end [1/m]; None for other kinds.
+        cubic: Of a poly3 or paramPoly3; None for other kinds.
     """
 
     s: float
@@ -46,6 +67,8 @@ class Geometry:
     heading: float
     length: float
     curvature: float = 0.0
+    end_curvature: float | None = None
+    cubic: Cubic | None = None
 
 
 @dataclass(frozen=True)
@@ -71,8 +94,23 @@ class RoadMark:
 
 
 @dataclass(frozen=True)
+class SpeedRecord:
+    """Speed limit of a road from `s` on [m/s]."""
+
+    s: float
+    limit: float
+
+
+@dataclass(frozen=True)
 class LaneRecord:
-    """A lane of one section. Ids are negative right of the reference line, positive left; links are lane ids."""
+    """A lane of one section. Ids are negative right of the reference line, positive left; links are lane ids.
+
+    Attributes:
+        borders: Outer edge as t, instead of widths; from the section's start, as widths are.
+        heights: (distance from the section's start, inner, outer) above the road [m].
+        level: The lane stays horizontal where the road banks.
+        speeds: Limits of this lane alone, from the section's start.
+    """
 
     id: int
     kind: str
@@ -80,6 +118,10 @@ class LaneRecord:
     marks: tuple[RoadMark, ...] = ()
     predecessor: int | None = None
     successor: int | None = None
+    borders: tuple[Polynomial, ...] = ()
+    heights: tuple[tuple[float, float, float], ...] = ()
+    level: bool = False
+    speeds: tuple[SpeedRecord, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -92,19 +134,11 @@ class SectionRecord:
 
 @dataclass(frozen=True)
 class RoadLink:
-    """What lies before or behind a road: another road's "start" or "end", or a junction."""
+    """What lies before or behind a road: another road's "start" or "end" ("" where not said), or a junction."""
 
     kind: str
     id: int
     contact: str = ""
-
-
-@dataclass(frozen=True)
-class SpeedRecord:
-    """Speed limit of a road from `s` on [m/s]."""
-
-    s: float
-    limit: float
 
 
 @dataclass(frozen=True)
@@ -127,6 +161,7 @@ class SignalRecord:
     height: float = 0.0
     width: float = 0.0
     validity: Validity = ()
+    country: str = "OpenDRIVE"
 
 
 @dataclass(frozen=True)
@@ -141,8 +176,25 @@ class SignalReference:
 
 
 @dataclass(frozen=True)
+class Repeat:
+    """Copies of an object from `s` on, over `length`, every `distance` [m]; t runs from `t_start` to `t_end`."""
+
+    s: float
+    length: float
+    distance: float
+    t_start: float
+    t_end: float
+
+
+@dataclass(frozen=True)
 class ObjectRecord:
-    """A thing beside or on the road; `outline` holds (u, v, z) corners in its own frame."""
+    """A thing beside or on the road; `outline` holds (u, v, z) corners in its own frame.
+
+    Attributes:
+        road_outline: (s, t, dz) corners in the road's frame, of things outlined that way.
+        repeats: Rows of the same thing along the road.
+        parking: Whether it is a parking space.
+    """
 
     id: int
     name: str
@@ -156,11 +208,30 @@ class ObjectRecord:
     width: float = 0.0
     height: float = 0.0
     outline: tuple[tuple[float, float, float], ...] = ()
+    road_outline: tuple[tuple[float, float, float], ...] = ()
+    repeats: tuple[Repeat, ...] = ()
+    parking: bool = False
+
+
+@dataclass(frozen=True)
+class CrossProfile:
+    """Height over t at one s of a road: polynomials that begin at rising t."""
+
+    s: float
+    pieces: tuple[Polynomial, ...]
 
 
 @dataclass(frozen=True)
 class RoadRecord:
-    """A road: reference line, profiles, lanes, and what stands along it. `junction` is -1 outside junctions."""
+    """A road: reference line, profiles, lanes, and what stands along it. `junction` is -1 outside junctions.
+
+    Attributes:
+        superelevation: Bank angle [rad], positive where the left side is higher.
+        crossfall: (side, polynomial) of slopes that fall outward [rad]; side "left", "right" or "both".
+        shapes: Cross-sections by s.
+        left_hand: Traffic keeps left: lanes with positive id run with s.
+        line: Where it stands in the file, for messages.
+    """
 
     id: int
     length: float
@@ -176,11 +247,19 @@ class RoadRecord:
     objects: tuple[ObjectRecord, ...] = ()
     signals: tuple[SignalRecord, ...] = ()
     references: tuple[SignalReference, ...] = ()
+    superelevation: tuple[Polynomial, ...] = ()
+    crossfall: tuple[tuple[str, Polynomial], ...] = ()
+    shapes: tuple[CrossProfile, ...] = ()
+    left_hand: bool = False
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True)
 class ConnectionRecord:
-    """A way through a junction: from a road outside to a connecting road, with (from, to) lane ids."""
+    """A way through a junction: from a road outside to a connecting road, with (from, to) lane ids.
+
+    In a direct junction `connecting` is the road on its other side.
+    """
 
     id: int
     incoming: int
@@ -197,6 +276,7 @@ class JunctionRecord:
     connections: tuple[ConnectionRecord, ...]
     controllers: tuple[int, ...] = ()
     name: str = ""
+    direct: bool = False
 
 
 @dataclass(frozen=True)
@@ -214,6 +294,7 @@ class Network:
 
     Attributes:
         notes: One line for each kind of thing that was left out, with how often.
+        repairs: One line for each thing that was wrong and mended.
     """
 
     roads: tuple[RoadRecord, ...]
@@ -222,6 +303,7 @@ class Network:
     name: str = ""
     geo_reference: str = ""
     notes: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
 
 
 def read_file(path: Path) -> Network:
@@ -230,11 +312,23 @@ def read_file(path: Path) -> Network:
     Raises:
         MapError: the file can't be opened, is no XML, or is no road network; with file and line.
     """
+    return read_network(read_bytes(path), str(path))
+
+
+def read_bytes(path: Path) -> bytes:
+    """A map file's bytes.
+
+    Raises:
+        MapError: the file can't be opened, or is larger than any town.
+    """
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise MapError(f"{path}: {error.strerror or error}.") from None
-    return read_network(data, str(path))
+    if len(data) > MAX_BYTES:
+        raise MapError(f"{path}: the file is larger than {MAX_BYTES // 1_000_000} MB; that is no town.")
+    return data
 
 
 def read_network(data: bytes | str, source: str = "<text>") -> Network:
@@ -249,9 +343,12 @@ def read_network(data: bytes | str, source: str = "<text>") -> Network:
 _KNOWN_CHILDREN = {
     "road": {"link", "type", "planView", "elevationProfile", "lateralProfile", "lanes", "objects", "signals"},
     "OpenDRIVE": {"header", "road", "junction", "controller"},
-    "lane": {"link", "width", "roadMark", "speed"},
+    "lane": {"link", "width", "border", "roadMark", "speed", "height"},
+    "lateralProfile": {"superelevation", "crossfall", "shape"},
+    "junction": {"connection", "controller"},
 }
-_QUIET = {"userData", "include", "surface", "lateralProfile"}  # carry nothing for a flat cross-section
+_QUIET = {"userData", "dataQuality"}  # notes of drawing tools, which mean nothing to others
+_SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
 
 class _Reader:
@@ -260,13 +357,18 @@ class _Reader:
     def __init__(self, source: str) -> None:
         self.source = source
         self.skipped: Counter[str] = Counter()
+        self.repairs: list[str] = []
+        self.numbers: dict[str, dict[str, int]] = {}
+        self.budget = {"lanes": MAX_LANES, "things": MAX_THINGS, "records": MAX_RECORDS}
 
     def fail(self, element: etree._Element | None, message: str) -> MapError:
         line = f", line {element.sourceline}" if element is not None and element.sourceline else ""
         return MapError(f"{self.source}{line}: {message}.")
 
     def network(self, data: bytes | str) -> Network:
-        raw = data.encode() if isinstance(data, str) else data
+        raw = data.encode(errors="replace") if isinstance(data, str) else data
+        if len(raw) > MAX_BYTES:
+            raise MapError(f"{self.source}: the file is larger than {MAX_BYTES // 1_000_000} MB; that is no town.")
         parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=False, load_dtd=False)
         try:
             root = etree.fromstring(raw, parser)
@@ -279,13 +381,17 @@ class _Reader:
             raise self.fail(root, "a document type (DTD, entities) is not accepted in a map")
         if root.tag != "OpenDRIVE":
             raise self.fail(root, f"expected the root element OpenDRIVE, got {str(root.tag)[:60]!r}")
+        self._number_ids(root)
         header = root.find("header")
         reference = header.findtext("geoReference") if header is not None else None
         roads = tuple(self.road(e) for e in root.iterfind("road"))
         if not roads:
             raise self.fail(root, "the file has no road")
         self._unique(root, "road", [r.id for r in roads])
-        junctions = tuple(self.junction(e) for e in root.iterfind("junction"))
+        junctions = tuple(self.junction(e) for e in root.iterfind("junction") if e.get("type") != "virtual")
+        virtual = sum(e.get("type") == "virtual" for e in root.iterfind("junction"))
+        if virtual:
+            self.skipped["virtual <junction>"] += virtual
         self._unique(root, "junction", [j.id for j in junctions])
         controllers = tuple(self.controller(e) for e in root.iterfind("controller"))
         self._skip(root, _KNOWN_CHILDREN["OpenDRIVE"])
@@ -296,7 +402,47 @@ class _Reader:
             name=(header.get("name") or "") if header is not None else "",
             geo_reference=(reference or "").strip(),
             notes=tuple(f"{count} x {what} not read" for what, count in sorted(self.skipped.items())),
+            repairs=tuple(self.repairs),
         )
+
+    def _number_ids(self, root: etree._Element) -> None:
+        """Gives every id that is no whole number one of its own, past those of its kind that are numbers."""
+        for kind, path in (("road", "road"), ("junction", "junction"), ("signal", "road/signals/signal"),
+                           ("controller", "controller")):  # fmt: skip
+            texts = [e.get("id") or "" for e in root.iterfind(path)]
+            if kind == "signal":
+                texts += [e.get("id") or "" for e in root.iterfind("road/signals/signalReference")]
+            numbers = {text: _plain_number(text, 0 if kind == "junction" else -(2**31)) for text in texts}
+            following = max([n for n in numbers.values() if n is not None], default=0) + 1
+            named = [text for text, number in numbers.items() if number is None and text]
+            for text in named:
+                numbers[text] = following
+                following += 1
+            self.numbers[kind] = {text: number for text, number in numbers.items() if number is not None}
+            if named:
+                listed = ", ".join(f"{text[:40]!r} is {numbers[text]}" for text in named[:12])
+                more = f" and {len(named) - 12} more" if len(named) > 12 else ""
+                self.repairs.append(f"{kind} ids that are no whole numbers were numbered: {listed}{more}")
+
+    def id(self, element: etree._Element, name: str, kind: str) -> int:
+        """The number of the `kind` that an attribute names."""
+        text = element.get(name)
+        if text is None or text == "":
+            raise self.fail(element, f"<{element.tag}> lacks {name!r}")
+        number = self.numbers[kind].get(text)
+        if number is None:
+            number = _plain_number(text, -(2**31))
+        if number is None:  # names something that the file does not have
+            number = self.numbers[kind][text] = UNKNOWN_ID + len(self.numbers[kind])
+        return number
+
+    def spend(self, element: etree._Element, what: str, count: int = 1) -> None:
+        """Counts against a bound on the size of maps."""
+        self.budget[what] -= count
+        if self.budget[what] < 0:
+            most = {"lanes": MAX_LANES, "things": MAX_THINGS, "records": MAX_RECORDS}[what]
+            name = {"lanes": "lane pieces", "things": "signals and objects", "records": "widths, marks and profiles"}
+            raise self.fail(element, f"more than {most} {name[what]}; that is no town")
 
     def _unique(self, root: etree._Element, kind: str, ids: list[int]) -> None:
         twice = [i for i, count in Counter(ids).items() if count > 1]
@@ -336,18 +482,18 @@ class _Reader:
             raise self.fail(element, f"<{element.tag}> {name} is out of range: {text[:40]}")
         return value
 
+    def polynomial(self, element: etree._Element, key: str = "s") -> Polynomial:
+        self.spend(element, "records")
+        return Polynomial(
+            self.number(element, key),
+            self.number(element, "a"),
+            self.number(element, "b", 0.0),
+            self.number(element, "c", 0.0),
+            self.number(element, "d", 0.0),
+        )
+
     def polynomials(self, elements: Iterator[etree._Element], key: str = "s") -> tuple[Polynomial, ...]:
-        records = [
-            Polynomial(
-                self.number(e, key),
-                self.number(e, "a"),
-                self.number(e, "b", 0.0),
-                self.number(e, "c", 0.0),
-                self.number(e, "d", 0.0),
-            )
-            for e in elements
-        ]
-        return tuple(sorted(records, key=lambda r: r.s))
+        return tuple(sorted((self.polynomial(e, key) for e in elements), key=lambda r: r.s))
 
     def road(self, element: etree._Element) -> RoadRecord:
         length = self.number(element, "length")
@@ -367,17 +513,20 @@ class _Reader:
             raise self.fail(plan, f"road {element.get('id')}: geometries must come in order of s")
         link, objects, signals = element.find("link"), element.find("objects"), element.find("signals")
         self._skip(element, _KNOWN_CHILDREN["road"])
+        lateral = element.find("lateralProfile")
+        if lateral is not None:
+            self._skip(lateral, _KNOWN_CHILDREN["lateralProfile"])
         if objects is not None:
             self._skip(objects, {"object"})
         if signals is not None:
             self._skip(signals, {"signal", "signalReference"})
         return RoadRecord(
-            id=self.whole(element, "id"),
+            id=self.id(element, "id", "road"),
             length=length,
             geometry=geometry,
             sections=sections,
             name=element.get("name") or "",
-            junction=self.whole(element, "junction", -1),
+            junction=self._membership(element),
             predecessor=self.link(link.find("predecessor")) if link is not None else None,
             successor=self.link(link.find("successor")) if link is not None else None,
             speeds=tuple(self.speeds(element)),
@@ -388,7 +537,23 @@ class _Reader:
             references=tuple(self.reference(e) for e in signals.iterfind("signalReference"))
             if signals is not None
             else (),
+            superelevation=self.polynomials(element.iterfind("lateralProfile/superelevation")),
+            crossfall=tuple(
+                (e.get("side") or "both", self.polynomial(e)) for e in element.iterfind("lateralProfile/crossfall")
+            ),
+            shapes=self.shapes(element.iterfind("lateralProfile/shape")),
+            left_hand=(element.get("rule") or "RHT").strip().upper() == "LHT",
+            line=element.sourceline if isinstance(element.sourceline, int) else 0,
         )
+
+    def _membership(self, element: etree._Element) -> int:
+        return -1 if element.get("junction") in (None, "", "-1") else self.id(element, "junction", "junction")
+
+    def shapes(self, elements: Iterator[etree._Element]) -> tuple[CrossProfile, ...]:
+        by_s: dict[float, list[Polynomial]] = {}
+        for e in elements:
+            by_s.setdefault(self.number(e, "s"), []).append(self.polynomial(e, "t"))
+        return tuple(CrossProfile(s, tuple(sorted(by_s[s], key=lambda p: p.s))) for s in sorted(by_s))
 
     def link(self, element: etree._Element | None) -> RoadLink | None:
         if element is None:
@@ -397,39 +562,73 @@ class _Reader:
         if kind not in ("road", "junction"):
             raise self.fail(element, f"elementType must be 'road' or 'junction', got {kind[:40]!r}")
         contact = element.get("contactPoint") or ""
-        if kind == "road" and contact not in ("start", "end"):
-            raise self.fail(element, f"contactPoint must be 'start' or 'end', got {contact[:40]!r}")
-        return RoadLink(kind, self.whole(element, "elementId"), contact)
+        if contact not in ("start", "end"):
+            contact = ""  # the nearer end is taken
+        return RoadLink(kind, self.id(element, "elementId", kind), contact)
 
     def speeds(self, road: etree._Element) -> Iterator[SpeedRecord]:
         for record in road.iterfind("type"):
             speed = record.find("speed")
-            if speed is None or speed.get("max") in ("no limit", "undefined", None):
-                continue
-            unit = speed.get("unit") or ""
-            if unit not in SPEED_UNITS:
-                raise self.fail(speed, f"speed unit must be one of m/s, km/h, mph, got {unit[:40]!r}")
-            yield SpeedRecord(self.number(record, "s", 0.0), self.number(speed, "max") * SPEED_UNITS[unit])
+            limit = self.limit(speed) if speed is not None else None
+            if limit is not None:
+                yield SpeedRecord(self.number(record, "s", 0.0), limit)
+
+    def limit(self, speed: etree._Element) -> float | None:
+        """[m/s]; None where the record sets none."""
+        if speed.get("max") in ("no limit", "undefined", "", None):
+            return None
+        unit = (speed.get("unit") or "").strip().lower()
+        if unit not in SPEED_UNITS:
+            raise self.fail(speed, f"speed unit must be one of m/s, km/h, mph, got {unit[:40]!r}")
+        value = self.number(speed, "max") * SPEED_UNITS[unit]
+        return value if value > 0.0 else None
 
     def geometry(self, element: etree._Element) -> Geometry:
         shape = next((child for child in element if isinstance(child.tag, str) and child.tag != "userData"), None)
         if shape is None:
-            raise self.fail(element, "<geometry> holds no line or arc")
-        if shape.tag not in ("line", "arc"):
-            raise self.fail(shape, f"geometry {shape.tag[:40]!r} is not supported yet; known are line and arc")
+            raise self.fail(element, "<geometry> holds no curve")
+        if shape.tag not in _SHAPES:
+            raise self.fail(shape, f"geometry {str(shape.tag)[:40]!r} is unknown; known are {', '.join(_SHAPES)}")
         x, y = self.number(element, "x"), self.number(element, "y")
         if max(abs(x), abs(y)) > MAX_COORDINATE:
             raise self.fail(element, f"geometry starts at ({x:g}, {y:g}), beyond {MAX_COORDINATE:g} m")
         length = self.number(element, "length")
         if not 0.0 <= length <= MAX_COORDINATE:
             raise self.fail(element, f"geometry length must be 0 to {MAX_COORDINATE:g} m, got {length:g}")
-        curvature = self.number(shape, "curvature") if shape.tag == "arc" else 0.0
-        if abs(curvature) > MAX_CURVATURE:
-            raise self.fail(shape, f"arc curvature must be within +-{MAX_CURVATURE:g} 1/m, got {curvature:g}")
-        return Geometry(self.number(element, "s"), x, y, self.number(element, "hdg"), length, curvature)
+        place = (self.number(element, "s"), x, y, self.number(element, "hdg"), length)
+        self.spend(element, "records")
+        if length < 1e-9 or shape.tag == "line":  # a curve of no length has no direction but its start's
+            return Geometry(*place)
+        if shape.tag == "arc":
+            return Geometry(*place, self.curvature(shape, "curvature"))
+        if shape.tag == "spiral":
+            start, end = self.curvature(shape, "curvStart"), self.curvature(shape, "curvEnd")
+            geometry = Geometry(*place, start, end)
+        else:
+            geometry = Geometry(*place, cubic=self.cubic(shape, length))
+        return geometry
+
+    def curvature(self, shape: etree._Element, name: str) -> float:
+        value = self.number(shape, name)
+        if abs(value) > MAX_CURVATURE:
+            raise self.fail(shape, f"{shape.tag} {name} must be within +-{MAX_CURVATURE:g} 1/m, got {value:g}")
+        return value
+
+    def cubic(self, shape: etree._Element, length: float) -> Cubic:
+        def four(suffix: str) -> tuple[float, float, float, float]:
+            a, b, c, d = (self.number(shape, k + suffix) for k in "abcd")
+            return a, b, c, d
+
+        if shape.tag == "poly3":
+            return Cubic((0.0, 1.0, 0.0, 0.0), four(""), length, open_ended=True)
+        kind = shape.get("pRange") or "arcLength"
+        if kind not in ("arcLength", "normalized"):
+            raise self.fail(shape, f"pRange must be 'arcLength' or 'normalized', got {kind[:40]!r}")
+        return Cubic(four("U"), four("V"), 1.0 if kind == "normalized" else length)
 
     def section(self, element: etree._Element) -> SectionRecord:
         lanes = [self.lane(e) for side in ("left", "center", "right") for e in element.iterfind(f"{side}/lane")]
+        self.spend(element, "lanes", len(lanes))
         ids = [lane.id for lane in lanes]
         if len(set(ids)) != len(ids):
             raise self.fail(element, "a lane section holds a lane id twice")
@@ -455,6 +654,12 @@ class _Reader:
             )
             for e in element.iterfind("roadMark")
         )
+        self.spend(element, "records", len(marks))
+        heights = [
+            (self.number(e, "sOffset", 0.0), self.number(e, "inner", 0.0), self.number(e, "outer", 0.0))
+            for e in element.iterfind("height")
+        ]
+        limits = [(self.number(e, "sOffset", 0.0), self.limit(e)) for e in element.iterfind("speed")]
         return LaneRecord(
             self.whole(element, "id"),
             element.get("type") or "none",
@@ -462,14 +667,20 @@ class _Reader:
             tuple(sorted(marks, key=lambda m: m.s)),
             self.whole(before, "id") if before is not None else None,
             self.whole(behind, "id") if behind is not None else None,
+            self.polynomials(element.iterfind("border"), "sOffset"),
+            tuple(sorted(heights)),
+            element.get("level") in ("true", "1"),
+            tuple(SpeedRecord(s, limit) for s, limit in sorted(limits, key=lambda r: r[0]) if limit is not None),
         )
 
     def validity(self, element: etree._Element) -> Validity:
         return tuple((self.whole(e, "fromLane"), self.whole(e, "toLane")) for e in element.iterfind("validity"))
 
     def signal(self, element: etree._Element) -> SignalRecord:
+        self.spend(element, "things")
+        self._skip(element, {"validity"})
         return SignalRecord(
-            id=self.whole(element, "id"),
+            id=self.id(element, "id", "signal"),
             name=element.get("name") or "",
             s=self.number(element, "s"),
             t=self.number(element, "t"),
@@ -485,11 +696,13 @@ class _Reader:
             height=self.number(element, "height", 0.0),
             width=self.number(element, "width", 0.0),
             validity=self.validity(element),
+            country=element.get("country") or "",
         )
 
     def reference(self, element: etree._Element) -> SignalReference:
+        self.spend(element, "things")
         return SignalReference(
-            self.whole(element, "id"),
+            self.id(element, "id", "signal"),
             self.number(element, "s"),
             self.number(element, "t", 0.0),
             element.get("orientation") or "none",
@@ -497,47 +710,83 @@ class _Reader:
         )
 
     def object(self, element: etree._Element) -> ObjectRecord:
-        corners = element.iterfind("outline/cornerLocal")
+        self.spend(element, "things")
+        self._skip(element, {"outline", "outlines", "repeat", "parkingSpace", "validity", "material"})
+        outline = element.find("outline")
+        if outline is None:
+            outline = element.find("outlines/outline")
+        local = outline.iterfind("cornerLocal") if outline is not None else ()
+        on_road = outline.iterfind("cornerRoad") if outline is not None else ()
+        kind = element.get("type") or ""
+        text = element.get("id") or ""
+        number = _plain_number(text, -(2**31))
         return ObjectRecord(
-            id=self.whole(element, "id"),
+            id=-1 if number is None else number,
             name=element.get("name") or "",
             s=self.number(element, "s"),
             t=self.number(element, "t"),
-            kind=element.get("type") or "",
+            kind=kind,
             z_offset=self.number(element, "zOffset", 0.0),
             heading=self.number(element, "hdg", 0.0),
             orientation=element.get("orientation") or "none",
             length=self.number(element, "length", 0.0),
             width=self.number(element, "width", 0.0),
             height=self.number(element, "height", 0.0),
-            outline=tuple((self.number(c, "u"), self.number(c, "v"), self.number(c, "z", 0.0)) for c in corners),
+            outline=tuple((self.number(c, "u"), self.number(c, "v"), self.number(c, "z", 0.0)) for c in local),
+            road_outline=tuple((self.number(c, "s"), self.number(c, "t"), self.number(c, "dz", 0.0)) for c in on_road),
+            repeats=tuple(
+                Repeat(
+                    self.number(e, "s"),
+                    self.number(e, "length"),
+                    self.number(e, "distance"),
+                    self.number(e, "tStart", 0.0),
+                    self.number(e, "tEnd", 0.0),
+                )
+                for e in element.iterfind("repeat")
+            ),
+            parking=kind.lower() == "parkingspace" or element.find("parkingSpace") is not None,
         )
 
     def junction(self, element: etree._Element) -> JunctionRecord:
         kind = element.get("type") or "default"
-        if kind != "default":
-            raise self.fail(element, f"junction type {kind[:40]!r} is not supported yet")
+        if kind not in ("default", "direct"):
+            raise self.fail(element, f"junction type must be default, direct or virtual, got {kind[:40]!r}")
+        self._skip(element, _KNOWN_CHILDREN["junction"])
+        road = "connectingRoad" if kind == "default" else "linkedRoad"
         connections: list[ConnectionRecord] = []
+        name = self.id(element, "id", "junction")
         for e in element.iterfind("connection"):
+            self.spend(e, "things")
             contact = e.get("contactPoint") or ""
-            if contact not in ("start", "end"):
-                raise self.fail(e, f"contactPoint must be 'start' or 'end', got {contact[:40]!r}")
+            if e.get("incomingRoad") is None or e.get(road) is None:
+                self.repairs.append(f"junction {name}: a connection without incomingRoad or {road} was dropped")
+                continue
             links = tuple((self.whole(k, "from"), self.whole(k, "to")) for k in e.iterfind("laneLink"))
             connections.append(
                 ConnectionRecord(
-                    self.whole(e, "id", len(connections)),
-                    self.whole(e, "incomingRoad"),
-                    self.whole(e, "connectingRoad"),
-                    contact,
+                    len(connections) if _plain_number(e.get("id") or "", 0) is None else self.whole(e, "id"),
+                    self.id(e, "incomingRoad", "road"),
+                    self.id(e, road, "road"),
+                    contact if contact in ("start", "end") else "",
                     links,
                 )
             )
-        controllers = tuple(self.whole(e, "id") for e in element.iterfind("controller"))
-        return JunctionRecord(self.whole(element, "id"), tuple(connections), controllers, element.get("name") or "")
+        controllers = tuple(self.id(e, "id", "controller") for e in element.iterfind("controller"))
+        return JunctionRecord(name, tuple(connections), controllers, element.get("name") or "", kind == "direct")
 
     def controller(self, element: etree._Element) -> ControllerRecord:
-        ids = [self.whole(e, "signalId") for e in element.iterfind("control")]
-        return ControllerRecord(self.whole(element, "id"), tuple(dict.fromkeys(ids)), element.get("name") or "")
+        ids = [self.id(e, "signalId", "signal") for e in element.iterfind("control")]
+        number = self.id(element, "id", "controller")
+        return ControllerRecord(number, tuple(dict.fromkeys(ids)), element.get("name") or "")
+
+
+def _plain_number(text: str, least: int) -> int | None:
+    """The whole number in `text`, if it is one from `least` on that fits 32 bits."""
+    try:
+        value = int(text)
+    except ValueError:
+        return None
+    return value if least <= value < 2**31 else None
 
 
 def reference_origin(geo_reference: str) -> tuple[float, float]:

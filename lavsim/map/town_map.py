@@ -18,7 +18,8 @@ from lavsim.errors import MapError, UnknownName
 from lavsim.map.junction import Junction, build_junction
 from lavsim.map.lane import LaneTable, RoadShape, SectionShape, build_lanes
 from lavsim.map.lane_index import LaneIndex, centre_points
-from lavsim.map.opendrive import Network, RoadMark, read_network, reference_origin
+from lavsim.map.links import Report
+from lavsim.map.opendrive import Network, RoadMark, read_bytes, read_network, reference_origin
 from lavsim.map.signal import (
     LightGroup,
     Sign,
@@ -105,6 +106,7 @@ class TownMap:
         geo_reference: Latitude and longitude of the origin [deg].
         xodr: The file's text.
         network: The file's records.
+        report: What was mended, dropped or not read, in sentences.
     """
 
     name: str
@@ -119,6 +121,7 @@ class TownMap:
     xodr: str = field(repr=False)
     network: Network = field(repr=False)
     shapes: dict[int, RoadShape] = field(repr=False)
+    report: tuple[str, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         return f"TownMap({self.name!r}, {len(self.lanes)} lanes, {len(self.lights)} lights)"
@@ -182,16 +185,21 @@ class TownMap:
         t = self.lanes
         return centre_points(t.points, t.first, t.step, np.ascontiguousarray(lane), np.ascontiguousarray(u))
 
-    def exact(self, lane: int, s: float) -> tuple[float, float, float, float, float]:
-        """x, y, z, yaw of a lane's centre and its width at OpenDRIVE `s`, from the file's own curves."""
+    def exact(self, lane: int, s: float, carla_yaw: bool = False) -> tuple[float, float, float, float, float]:
+        """x, y, z, yaw of a lane's centre and its width at OpenDRIVE `s`, from the file's own curves.
+
+        With `carla_yaw` the yaw is the one that CARLA gives, which takes the slope of a lane's centre against the
+        reference line for an angle (no arctangent, no curvature); the same but where lanes open or close.
+        """
         section = self._section(int(self.lanes.road_id[lane]), int(self.lanes.section[lane]))
         at = np.array([min(max(s, section.start), section.end - 1e-7)])
         lane_id = int(self.lanes.lane_id[lane])
         t, slope, width = section.centre(lane_id, at)
-        x, y, heading, curvature = section.shape.pose(at)
-        yaw = -(heading + np.arctan2(slope, 1.0 - curvature * t)) + (np.pi if lane_id > 0 else 0.0)
+        x, y, heading, curvature, stretch = section.shape.line.pose(at)
+        turned = slope if carla_yaw else np.arctan2(slope, stretch - curvature * t)
+        yaw = -(heading + turned) + (0.0 if section.forward(lane_id) else np.pi)
         x, y = x - t * np.sin(heading), -(y + t * np.cos(heading))
-        z = section.shape.elevation(at)[0]
+        z = section.height(lane_id, at, t)
         return float(x[0]), float(y[0]), float(z[0]), float(yaw[0]), max(float(width[0]), 0.0)
 
     def lane_polygon(self, lane: int) -> Floats:
@@ -373,16 +381,21 @@ class Waypoint:
 
     def left(self) -> Waypoint | None:
         """The lane to the left at the same s, of any type or direction; None at the edge."""
-        lane_id = self.lane_id
-        if abs(lane_id) == 1:
-            return self._beside(-lane_id)
-        return self._beside(lane_id - 1 if lane_id > 0 else lane_id + 1)
+        return self._beside(outward=self._keeps_left)
 
     def right(self) -> Waypoint | None:
-        """The lane to the right at the same s, of any type; None at the edge."""
-        return self._beside(self.lane_id + 1 if self.lane_id > 0 else self.lane_id - 1)
+        """The lane to the right at the same s, of any type or direction; None at the edge."""
+        return self._beside(outward=not self._keeps_left)
 
-    def _beside(self, lane_id: int) -> Waypoint | None:
+    @property
+    def _keeps_left(self) -> bool:
+        return (self.lane_id > 0) == self.town.lanes.runs_forward(self.lane)
+
+    def _beside(self, outward: bool) -> Waypoint | None:
+        away = 1 if self.lane_id > 0 else -1
+        lane_id = self.lane_id + (away if outward else -away)
+        if lane_id == 0:
+            lane_id = -self.lane_id
         lane = self.town._lane_of.get((self.road_id, self.section_id, lane_id))
         return None if lane is None else Waypoint(self.town, lane, self.town.lanes.u_of_s(lane, self.s))
 
@@ -440,12 +453,18 @@ def build_town(name: str, data: bytes, source: str | None = None) -> TownMap:
         MapError: with file and line.
     """
     network = read_network(data, source or name)
-    shapes = {road.id: RoadShape(road) for road in network.roads}
+    source = source or name
+    shapes = {}
     for road in network.roads:
-        for reference in (road.predecessor, road.successor):
-            if reference is not None and reference.kind == "road" and reference.id not in shapes:
-                raise MapError(f"{source or name}: road {road.id} is linked to road {reference.id}, which is missing.")
-    lanes = build_lanes(network, shapes, network.junctions, speed_signs(network))
+        try:
+            shapes[road.id] = RoadShape(road)
+        except MapError as error:
+            raise MapError(f"{source}, line {road.line}: road {road.id}: {error}.") from None
+    report = Report()
+    try:
+        lanes = build_lanes(network, shapes, network.junctions, speed_signs(network), report)
+    except MapError as error:
+        raise MapError(f"{source}, {error}") from None
     lights, governing = build_lights(network, shapes, lanes)
     signs, guarding = build_signs(network, shapes, lanes)
     lanes = replace(lanes, light=governing, sign=guarding)
@@ -469,7 +488,17 @@ def build_town(name: str, data: bytes, source: str | None = None) -> TownMap:
         xodr=data.decode("utf-8", errors="replace"),
         network=network,
         shapes=shapes,
+        report=tell(network, report),
     )
+
+
+def tell(network: Network, report: Report) -> tuple[str, ...]:
+    """What was mended, dropped and not read, in sentences; the last in one."""
+    sentences = [f"{repair[0].upper()}{repair[1:]}." for repair in network.repairs]
+    sentences += [f"{sentence[0].upper()}{sentence[1:]}" for sentence in report.sentences()]
+    if network.notes:
+        sentences.append("Not read: " + ", ".join(note.removesuffix(" not read") for note in network.notes) + ".")
+    return tuple(sentences)
 
 
 def _town_files(search_path: Sequence[Path]) -> dict[str, Path]:
@@ -504,8 +533,4 @@ def load_town(name: str, search_path: Sequence[Path] = ()) -> TownMap:
 
 @lru_cache(maxsize=16)
 def _load(name: str, path: Path, modified: int) -> TownMap:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise MapError(f"{path}: {error.strerror or error}.") from None
-    return build_town(name, data, str(path))
+    return build_town(name, read_bytes(path), str(path))

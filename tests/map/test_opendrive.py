@@ -64,13 +64,16 @@ def test_written_records_are_read_back_equal(name: str) -> None:
         ("", r"^x\.xodr, line \d+: not well-formed XML"),
         ("<roads/>", r"^x\.xodr, line 1: expected the root element OpenDRIVE, got 'roads'"),
         ("<OpenDRIVE/>", r"line 1: the file has no road"),
-        (text("<spiral curvStart='0' curvEnd='0.1'/>"), r"line 6: geometry 'spiral' is not supported yet"),
+        (text("<helix/>"), r"line 6: geometry 'helix' is unknown; known are line, arc, spiral, poly3, paramPoly3"),
+        (text("<spiral curvStart='0'/>"), r"line 6: <spiral> lacks 'curvEnd'"),
+        (text("<spiral curvStart='0' curvEnd='11'/>"), r"line 6: spiral curvEnd must be within"),
+        (text("<paramPoly3 pRange='miles'/>"), r"line 6: pRange must be 'arcLength' or 'normalized', got 'miles'"),
         (text("<arc curvature='nan'/>"), r"line 6: <arc> curvature must be a finite number, got 'nan'"),
         (text("<arc curvature='99'/>"), r"line 6: arc curvature must be within"),
         (text("<arc/>"), r"line 6: <arc> lacks 'curvature'"),
         (text(width="wide"), r"line 11: <width> a must be a number, got 'wide'"),
         (text(width="1e308"), r"line 11: <width> a must be a finite number"),
-        (text().replace('id="7"', 'id="seven"'), r"line 4: <road> id must be a whole number, got 'seven'"),
+        (text().replace(' id="7"', ""), r"line 4: <road> lacks 'id'"),
         (text().replace('length="50" id', 'length="-3" id'), r"line 4: road length must be positive"),
         (text().replace('id="-1"', 'id="-4"'), r"line 9: lane ids must run from 0 to -4 without a gap"),
         (
@@ -103,10 +106,19 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         read_file(tmp_path / "nowhere.xodr")
 
 
-def test_a_road_linked_to_nothing_is_named() -> None:
+def test_a_road_linked_to_nothing_is_reported_and_loses_the_link() -> None:
     link = '<link><successor elementType="road" elementId="8" contactPoint="start"/></link><planView>'
-    with pytest.raises(MapError, match="road 7 is linked to road 8, which is missing"):
-        build_town("t", text().replace("<planView>", link, 1).encode())
+    lane = '<lane id="-1" type="driving"><link><successor id="-1"/></link>'
+    linked = text().replace("<planView>", link, 1).replace('<lane id="-1" type="driving">', lane)
+    town = build_town("t", linked.encode())
+    assert town.report == ("Lane -1 of road 7 leads to road 8, which is missing; dropped.",)
+    assert not len(town.lanes.succ)
+
+
+def test_ids_that_are_no_numbers_are_numbered_and_reported() -> None:
+    town = build_town("t", text().replace('id="7"', 'id="Kalle"').encode())
+    assert town.report == ("Road ids that are no whole numbers were numbered: 'Kalle' is 1.",)
+    assert town.lanes.road_id.tolist() == [1]
 
 
 def test_a_width_of_nothing_leaves_a_lane_of_nothing() -> None:
