@@ -5,11 +5,11 @@ from __future__ import annotations
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis.strategies import floats, integers
+from hypothesis import assume, given, settings
+from hypothesis.strategies import DrawFn, composite, floats, integers, lists, tuples
 
 from lavsim.errors import RouteError
-from lavsim.map.planner import RoutePlanner, get_planner
+from lavsim.map.planner import RoutePlanner, get_planner, shortest_way
 from lavsim.map.route import Route, RouteTracker, polyline_length
 from lavsim.map.town_map import load_town
 from lavsim.towns.draw_routes import FILES, draw_file
@@ -155,6 +155,107 @@ def test_routes_are_as_short_as_dijkstra_s() -> None:
         length = nx.path_weight(planner.graph, nodes, "length")
         best = nx.dijkstra_path_length(planner.graph, nodes[0], nodes[-1], weight="length")
         assert length == pytest.approx(best, rel=0.02)  # CARLA's heuristic may overestimate by a rounded hop
+
+
+@composite
+def small_graphs(draw: DrawFn) -> nx.DiGraph[int]:
+    """Up to 7 nodes in a plane, edges not shorter than the straight line."""
+    count = draw(integers(2, 7))
+    graph: nx.DiGraph[int] = nx.DiGraph()
+    for node in range(count):
+        x, y = draw(tuples(integers(0, 20), integers(0, 20)))
+        graph.add_node(node, vertex=(float(x), float(y), 0.0))
+    for a, b in draw(lists(tuples(integers(0, count - 1), integers(0, count - 1)), max_size=24)):
+        straight = float(np.linalg.norm(np.subtract(graph.nodes[a]["vertex"], graph.nodes[b]["vertex"])))
+        if a != b:
+            graph.add_edge(a, b, length=int(np.ceil(straight)) + draw(integers(0, 9)))
+    return graph
+
+
+@given(graph=small_graphs())
+@settings(max_examples=150, deadline=None)
+def test_the_way_found_is_the_shortest_of_all_ways(graph: nx.DiGraph[int]) -> None:
+    goal = len(graph) - 1
+    costs = [nx.path_weight(graph, way, "length") for way in nx.all_simple_paths(graph, 0, goal)]
+    if not costs:
+        with pytest.raises(nx.NetworkXNoPath):
+            shortest_way(graph, 0, goal)
+    else:
+        assert nx.path_weight(graph, shortest_way(graph, 0, goal), "length") == min(costs)
+
+
+def somewhere(planner: RoutePlanner, share: float, along: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """A place on a lane outside junctions, off its ends."""
+    lanes = planner.town.lanes
+    roads = [k for k in lanes.where(int(LaneType.DRIVING)).tolist() if lanes.junction[k] < 0 and lanes.length[k] > 12.0]
+    lane = roads[min(int(share * len(roads)), len(roads) - 1)]
+    return planner.town.waypoint_at(lane, 5.0 + along * (float(lanes.length[lane]) - 10.0)).xyz
+
+
+PLACES = tuples(floats(0.0, 1.0), floats(0.0, 1.0))
+
+
+@given(start=PLACES, goal=PLACES)
+@settings(max_examples=40, deadline=None)
+def test_the_points_of_a_route_are_continuous(start: tuple[float, float], goal: tuple[float, float]) -> None:
+    planner = get_planner(load_town("eu_small_a"))
+    route = planner.trace([somewhere(planner, *start), somewhere(planner, *goal)])
+    assert np.isfinite(route.points).all()
+    assert (route.command != RoadOption.VOID).all()
+    assert np.diff(route.distance).max(initial=0.0) < 2.1
+    turned = np.abs(np.angle(np.exp(1j * np.diff(route.yaw))))
+    assert turned.max(initial=0.0) < 0.5
+    assert planner.town.nearest(route.points).distance.max() < 0.01
+    assert (planner.town.centre(route.lane, route.u)[:, :3] == route.points).all()
+
+
+@given(start=PLACES, goal=PLACES, shares=lists(floats(0.0, 1.0), min_size=1, max_size=5))
+@settings(max_examples=40, deadline=None)
+def test_more_key_points_on_a_route_leave_its_commands(
+    start: tuple[float, float], goal: tuple[float, float], shares: list[float]
+) -> None:
+    planner = get_planner(load_town("eu_small_a"))
+    route = planner.trace([somewhere(planner, *start), somewhere(planner, *goal)])
+    lanes = planner.town.lanes
+    usable = (lanes.junction[route.lane] < 0) & (route.u > 3.0) & (route.u < lanes.length[route.lane] - 3.0)
+    chosen = sorted({int(share * (len(route) - 1)) for share in shares} & set(np.flatnonzero(usable).tolist()))
+    assume(chosen)
+    finer = planner.trace([route.keypoints[0], *route.points[chosen], route.keypoints[-1]])
+    assert [option for option, _ in finer.commands()] == [option for option, _ in route.commands()]
+    assert finer.length == pytest.approx(route.length, abs=3.0 * len(chosen))
+
+
+def test_what_was_decided_is_forgotten_between_routes() -> None:
+    planner = get_planner(worlds.crossing())
+    inside = [[-40.0, 1.75, 0.0], [0.0, 1.75, 0.0]]  # ends within the crossing
+    turn = [[-40.0, 1.75, 0.0], [1.75, -40.0, 0.0]]
+    before = planner.trace(turn)
+    planner.trace(inside)
+    assert (planner.trace(turn).command == before.command).all()
+
+
+def test_a_key_point_inside_a_crossing_costs_the_command_as_in_carla() -> None:
+    route = get_planner(worlds.crossing()).trace([[-40.0, 1.75, 0.0], [0.0, 1.75, 0.0], [40.0, 1.75, 0.0]])
+    assert [option for option, _ in route.commands()] == [F, S, F]
+    before, behind = (int(np.argmin(np.abs(route.points[:, 0] - x))) for x in (-4.0, 4.0))
+    assert route.command[before] == S
+    assert route.command[behind] == F
+
+
+@pytest.mark.parametrize(("window", "reached"), [(5, 5), (20, 20)])
+def test_the_tracker_looks_no_farther_than_its_window(window: int, reached: int) -> None:
+    tracker = RouteTracker(of_commands((F, 80)), window)
+    assert tracker.update((40.0, 0.0)) == reached
+    assert tracker.update((40.0, 0.0)) == min(2 * reached, 40)
+
+
+def test_the_tracker_takes_the_later_of_equally_near_points_and_ends_at_100_percent() -> None:
+    tracker = RouteTracker(of_commands((F, 10)))
+    assert tracker.update((2.5, 0.0)) == 3
+    for x in range(3, 12):
+        tracker.update((float(x), 0.0))
+    assert tracker.index == 9
+    assert tracker.percentage == 100.0
 
 
 @pytest.mark.parametrize("name", sorted(FILES))
