@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lavsim.errors import MapError, UnknownName
+from lavsim.map.chords import Chords, build_chords
 from lavsim.map.junction import Junction, build_junction
 from lavsim.map.lane import LaneTable, RoadShape, SectionShape, build_lanes
 from lavsim.map.lane_index import LaneIndex, centre_points
@@ -153,6 +154,46 @@ class TownMap:
         lane, u, s, distance, offset, width, yaw, on_lane = self.index(types).search(self.lanes, where)
         return LaneHits(lane, u, s, distance, offset, width, yaw, on_lane)
 
+    @cached_property
+    def chords(self) -> Chords:
+        """What CARLA projects onto; made on first use."""
+        return build_chords(self)
+
+    def project(self, points: ArrayLike, types: int = LaneType.DRIVING) -> LaneHits:
+        """Where CARLA's `get_waypoint` puts each of `points` (N, 2) or (N, 3); z is 0 if not given.
+
+        Like `nearest`, but by CARLA's chords: in bends s differs by up to some decimetres. Where lanes lie equally
+        near, CARLA's answer is arbitrary; the one first in the table is given.
+        """
+        where = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        if where.shape[1] == 2:
+            where = np.concatenate([where, np.zeros((len(where), 1))], axis=1)
+        t = self.lanes
+        lane, s = self.chords.nearest((t.type & int(types)) != 0, where)
+        u, distance, offset, width, yaw = np.full((5, len(where)), np.nan)
+        on_lane = np.full((len(where), 3), np.nan)
+        distance[:] = np.inf
+        for k in np.flatnonzero(lane >= 0):
+            x, y, z, yaw[k], width[k] = self.exact(int(lane[k]), float(s[k]))
+            on_lane[k] = x, y, z
+            dx, dy, dz = where[k] - on_lane[k]
+            u[k] = t.u_of_s(int(lane[k]), float(s[k]))
+            distance[k] = np.sqrt(dx * dx + dy * dy + dz * dz)
+            offset[k] = dy * np.cos(yaw[k]) - dx * np.sin(yaw[k])
+        return LaneHits(lane, u, s, distance, offset, width, yaw, on_lane)
+
+    def carla_waypoint(
+        self, point: ArrayLike, project_to_road: bool = True, types: int = LaneType.DRIVING
+    ) -> Waypoint | None:
+        """CARLA's `get_waypoint`: by chords; without `project_to_road` None beyond half the lane's width in plan."""
+        hit = self.project(np.asarray(point, dtype=np.float64)[None], types)
+        if hit.lane[0] < 0:
+            return None
+        apart = float(np.hypot(*(np.asarray(point, dtype=np.float64)[:2] - hit.points[0, :2])))
+        if not project_to_road and apart >= hit.width[0] / 2.0:
+            return None
+        return Waypoint(self, int(hit.lane[0]), float(hit.u[0]))
+
     def waypoint(self, point: ArrayLike, types: int = LaneType.DRIVING) -> Waypoint:
         """The waypoint nearest to `point` (2,) or (3,).
 
@@ -191,7 +232,7 @@ class TownMap:
         With `carla_yaw` the yaw is the one that CARLA gives, which takes the slope of a lane's centre against the
         reference line for an angle (no arctangent, no curvature); the same but where lanes open or close.
         """
-        section = self._section(int(self.lanes.road_id[lane]), int(self.lanes.section[lane]))
+        section = self.section(int(self.lanes.road_id[lane]), int(self.lanes.section[lane]))
         at = np.array([min(max(s, section.start), section.end - 1e-7)])
         lane_id = int(self.lanes.lane_id[lane])
         t, slope, width = section.centre(lane_id, at)
@@ -201,6 +242,19 @@ class TownMap:
         x, y = x - t * np.sin(heading), -(y + t * np.cos(heading))
         z = section.height(lane_id, at, t)
         return float(x[0]), float(y[0]), float(z[0]), float(yaw[0]), max(float(width[0]), 0.0)
+
+    def poses(self, lane: int, s: Floats) -> tuple[Floats, Floats, Floats]:
+        """World points (N, 3), and CARLA's yaw and pitch (N,) [rad] of a lane's centre at OpenDRIVE `s` (N,)."""
+        section = self.section(int(self.lanes.road_id[lane]), int(self.lanes.section[lane]))
+        at = np.clip(s, section.start, section.end - 1e-7)
+        lane_id = int(self.lanes.lane_id[lane])
+        forward = section.forward(lane_id)
+        t, slope, _ = section.centre(lane_id, at)
+        x, y, heading, _ = section.shape.pose(at)
+        z = section.height(lane_id, at, t)
+        points = np.stack([x - t * np.sin(heading), -(y + t * np.cos(heading)), z], axis=1)
+        climb = section.shape.elevation(at)[1] * (1.0 if forward else -1.0)
+        return points, -(heading + slope) + (0.0 if forward else np.pi), np.arctan(climb)
 
     def lane_polygon(self, lane: int) -> Floats:
         """Outline (M, 2) of a lane: its left edge in the direction of travel, then its right edge back."""
@@ -229,7 +283,8 @@ class TownMap:
     def _sections(self) -> dict[tuple[int, int], SectionShape]:
         return {}
 
-    def _section(self, road_id: int, section: int) -> SectionShape:
+    def section(self, road_id: int, section: int) -> SectionShape:
+        """Curves of one section of a road."""
         key = (road_id, section)
         if key not in self._sections:
             self._sections[key] = SectionShape(self.shapes[road_id], section)
@@ -241,7 +296,7 @@ class TownMap:
         lines: list[MarkLine] = []
         for road in self.network.roads:
             for index in range(len(road.sections)):
-                section = self._section(road.id, index)
+                section = self.section(road.id, index)
                 for lane in section.record.lanes:
                     lines += _mark_lines(section, lane.id, lane.marks)
             for thing in road.objects:
