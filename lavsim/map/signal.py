@@ -198,9 +198,9 @@ def speed_signs(network: Network) -> dict[int, list[tuple[float, Validity, float
     return found
 
 
-def _side(thing: ObjectRecord) -> Validity:
-    """Lanes on the side of the road where an object stands."""
-    return lane_ranges((), thing.orientation if thing.orientation in ("+", "-") else ("+" if thing.t > 0.0 else "-"))
+def object_side(thing: ObjectRecord) -> str:
+    """Side of the road where an object stands, "+" or "-"."""
+    return thing.orientation if thing.orientation in ("+", "-") else ("+" if thing.t > 0.0 else "-")
 
 
 def _standing(network: Network) -> list[tuple[SignalRecord | ObjectRecord, RoadRecord, list[_Place]]]:
@@ -217,7 +217,11 @@ def _standing(network: Network) -> list[tuple[SignalRecord | ObjectRecord, RoadR
             own = lane_ranges(signal.validity, signal.orientation)
             fallback = [_Place(road, signal.s, own)] if own else []
             found.append((signal, road, places.get(signal.id) or fallback))
-        found += [(o, road, [_Place(road, o.s, _side(o))]) for o in road.objects if _SPEED_NAME.match(o.name)]
+        found += [
+            (o, road, [_Place(road, o.s, lane_ranges((), object_side(o)))])
+            for o in road.objects
+            if _SPEED_NAME.match(o.name)
+        ]
     return found
 
 

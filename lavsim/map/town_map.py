@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from lavsim.errors import MapError, UnknownName
 from lavsim.map.chords import Chords, build_chords
 from lavsim.map.junction import Junction, build_junction
+from lavsim.map.landmark import Landmark, build_landmarks, landmarks_ahead
 from lavsim.map.lane import LaneTable, RoadShape, SectionShape, build_lanes
 from lavsim.map.lane_index import LaneIndex, centre_points
 from lavsim.map.links import Report
@@ -305,6 +306,22 @@ class TownMap:
         return tuple(lines)
 
     @cached_property
+    def landmarks(self) -> tuple[Landmark, ...]:
+        """All places where signals count (CARLA's `get_all_landmarks`)."""
+        return build_landmarks(self.network, self.shapes)
+
+    @cached_property
+    def _landmarks_by_road(self) -> dict[int, list[tuple[int, Landmark]]]:
+        found: dict[int, list[tuple[int, Landmark]]] = {}
+        for number, landmark in enumerate(self.landmarks):
+            found.setdefault(landmark.road_id, []).append((number, landmark))
+        return found
+
+    def landmarks_of(self, road_id: int) -> list[tuple[int, Landmark]]:
+        """Landmarks that count on a road, with their numbers."""
+        return self._landmarks_by_road.get(road_id, [])
+
+    @cached_property
     def scenery(self) -> Scenery:
         """Buildings, poles and trees; the same for the same file."""
         from lavsim.map.scenery import build_scenery
@@ -433,6 +450,13 @@ class Waypoint:
             u -= float(lanes.length[lane])
             lane = int(following[0])
         return Waypoint(self.town, lane, float(u))
+
+    def landmarks(self, distance: float, stop_at_junction: bool = False) -> list[Landmark]:
+        """Landmarks that count for its lane within `distance` metres of s ahead, over all branches, each once.
+
+        With `stop_at_junction` the search ends where a junction begins (CARLA's `get_landmarks`).
+        """
+        return landmarks_ahead(self.town, self, distance, stop_at_junction)
 
     def left(self) -> Waypoint | None:
         """The lane to the left at the same s, of any type or direction; None at the edge."""
