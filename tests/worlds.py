@@ -11,7 +11,8 @@ from functools import cache
 from lavsim.map.opendrive import Geometry, LaneRecord, Network, Polynomial, RoadMark, RoadRecord, SectionRecord
 from lavsim.map.town_map import TownMap, build_town
 from lavsim.map.write import write_network
-from lavsim.towns.layout import CrossSection, Layout
+from lavsim.towns.layout import Layout
+from lavsim.towns.section import CrossSection
 
 
 def _town(layout: Layout) -> TownMap:
@@ -30,7 +31,7 @@ def straight(length: float = 200.0, speed: int = 50) -> TownMap:
 def tee(arm: float = 80.0, lights: bool = True) -> TownMap:
     """A T around (0, 0): arms to the west, east and south, their outer ends dead."""
     layout = Layout("tee")
-    layout.junction("tee", 0.0, 0.0, lights=lights)
+    layout.junction("tee", 0.0, 0.0, control="lights" if lights else "none")
     layout.street("West Street", (-arm, 0.0), "tee", speed=50)
     layout.street("East Street", "tee", (arm, 0.0), speed=50)
     layout.street("South Street", (0.0, -arm), "tee", speed=30)
@@ -41,7 +42,7 @@ def tee(arm: float = 80.0, lights: bool = True) -> TownMap:
 def crossing(arm: float = 80.0, lights: bool = True) -> TownMap:
     """A crossing of four arms around (0, 0), their outer ends dead."""
     layout = Layout("crossing")
-    layout.junction("crossing", 0.0, 0.0, lights=lights)
+    layout.junction("crossing", 0.0, 0.0, control="lights" if lights else "none")
     layout.street("West Street", (-arm, 0.0), "crossing", speed=50)
     layout.street("East Street", "crossing", (arm, 0.0), speed=50)
     layout.street("South Street", (0.0, -arm), "crossing", speed=30)
