@@ -103,6 +103,7 @@ class Approaches(NamedTuple):
         distance: (V,) from its front to that lane [m]; negative once inside.
         tail: (L,) travelled length at the rear of the last slow vehicle of each lane [m]; inf when free.
         claimed: (L,) length taken on each lane by vehicles inside the junction before it [m].
+        ready: (V,) whether the vehicle could leave its junction lane again: who can't has no right of way either.
     """
 
     head: NDArray[np.int32]
@@ -111,6 +112,7 @@ class Approaches(NamedTuple):
     distance: NDArray[np.float64]
     tail: NDArray[np.float64]
     claimed: NDArray[np.float64]
+    ready: NDArray[np.bool_]
 
 
 def make_approaches(lanes: int, vehicles: int) -> Approaches:
@@ -121,6 +123,7 @@ def make_approaches(lanes: int, vehicles: int) -> Approaches:
         np.zeros(vehicles),
         np.zeros(lanes),
         np.zeros(lanes),
+        np.zeros(vehicles, np.bool_),
     )
 
 
@@ -216,6 +219,21 @@ def _survey(lanes: Lanes, fleet: Fleet, boxes: Boxes, near: Approaches) -> None:
         if junction_lane >= 0:
             near.lane[i], near.distance[i] = junction_lane, ahead
             near.follow[i], near.head[junction_lane] = near.head[junction_lane], i
+    for i in range(len(fleet.row)):
+        near.ready[i] = near.lane[i] >= 0 and _has_room(lanes, fleet, boxes, near, i, near.lane[i])
+
+
+@kernel
+def _has_room(lanes: Lanes, fleet: Fleet, boxes: Boxes, near: Approaches, i: int, target: int) -> bool:
+    """Whether vehicle `i` finds room behind junction lane `target`, beside those already in the junction."""
+    k = 0
+    while k < PATH_LANES and fleet.path[i, k] != target:
+        k += 1
+    exit_lane = _exit_of(lanes, fleet, i, k)
+    if exit_lane < 0 or math.isinf(near.tail[exit_lane]):
+        return True
+    room = min(near.tail[exit_lane], lanes.length[exit_lane]) - near.claimed[exit_lane]
+    return room >= 2.0 * boxes.half[fleet.row[i], 0] + 2.0
 
 
 @kernel
@@ -249,7 +267,7 @@ def _must_yield(lanes: Lanes, fleet: Fleet, boxes: Boxes, near: Approaches, i: i
                     coming = fleet.committed[k] == other_lane and near.distance[k] < 20.0
                     if coming and lanes.turn[target] == _LEFT and lanes.turn[other_lane] != _LEFT:
                         return True
-                elif (near.distance[k], k) < (near.distance[i], i):
+                elif near.ready[k] and (near.distance[k], k) < (near.distance[i], i):
                     return True
             k = near.follow[k]
     return False
@@ -297,11 +315,8 @@ def _line_distance(
         return max(gap, 0.0)
     if ahead > _SIGNAL_RANGE:
         return np.inf
-    exit_lane = _exit_of(lanes, fleet, i, k)
-    if exit_lane >= 0:
-        room = min(near.tail[exit_lane], lanes.length[exit_lane]) - near.claimed[exit_lane]
-        if not math.isinf(near.tail[exit_lane]) and room < 2.0 * half + 2.0:
-            return max(gap, 0.0)
+    if not _has_room(lanes, fleet, boxes, near, i, target):
+        return max(gap, 0.0)
     if _must_yield(lanes, fleet, boxes, near, i, target):
         return max(gap, 0.0)
     if gap < max(2.0, 0.5 * speed * speed / _YELLOW_BRAKE):
