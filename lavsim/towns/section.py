@@ -10,7 +10,7 @@ NO_MARK = RoadMark(0.0, "none", "white", 0.0, "none")
 CURB = RoadMark(0.0, "curb", "white", 0.15, "none")
 LINE = 0.12  # [m] width of painted lines
 SOLID_BEFORE_JUNCTION = 15.0  # [m] of unbroken lines
-PARKING_FROM_END = (18.0, 24.0)  # [m] from a junction: where a parking lane begins to open, and where it is open
+PARKING_FROM_END = (15.0, 24.0)  # [m] from a junction: where a parking lane begins to open, and where it is open
 SHORTEST_PARKING = 25.0  # [m] of open parking lane; a shorter one is not drawn
 
 
