@@ -1,7 +1,9 @@
-"""Blocks of ticks as bytes: second differences of the snapshots' integers, byte planes, zstd.
+"""Blocks of ticks as bytes: what smooth motion does not explain, byte plane by byte plane, zstd.
 
-A block holds up to `BLOCK_TICKS` ticks and needs no other block to be read. Integers that move smoothly have small
-second differences; their bytes are stored plane by plane, so that the mostly empty upper planes cost nothing.
+A block holds up to `BLOCK_TICKS` ticks and needs no other block to be read. Places are stored as what the velocity of
+the same tick leaves to explain, the rest as second differences; each channel of each actor lies together in time. So
+whoever stands costs nothing, and whoever drives 1 to 2 bytes a tick (41 actors in traffic: 46 bytes a tick, against 92
+for plain second differences tick by tick).
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ BLOCK_TICKS = 100
 _LEVEL = 9
 _ACTOR_CHANNELS = 11  # pose 5, velocity 3, state 3
 _EGO_CHANNELS = 11  # motion 6, control 5
+_PLACE, _VELOCITY = slice(0, 2), slice(5, 7)  # x, y [mm] and vx, vy [cm/s] among the actor channels
 _HEAD = struct.Struct("<IHHHI")  # first tick, ticks, rows, lights, bytes of the packed part
 
 
@@ -30,7 +33,8 @@ def encode_block(snapshots: Sequence[Snapshot]) -> bytes:
     values = np.zeros((len(snapshots), len(rows), _ACTOR_CHANNELS), dtype=np.int32)
     for t, snap in enumerate(snapshots):
         if t:
-            values[t] = values[t - 1]  # absent actors keep their last values: no difference to store
+            values[t] = values[t - 1]  # absent actors keep their last values, at rest: no difference to store
+            values[t, ~present[t], 5:8] = 0
         values[t, present[t]] = np.concatenate([snap.pose, snap.velocity, snap.state], axis=1)
     ego = np.stack([np.concatenate([s.ego_motion, s.control]) for s in snapshots]).astype("<f4").view("<u4")
     weather = np.stack([s.weather_values for s in snapshots]).astype("<f4").view("<u4")
@@ -38,7 +42,7 @@ def encode_block(snapshots: Sequence[Snapshot]) -> bytes:
     parts = [
         rows.astype("<i4").tobytes(),
         np.packbits(present).tobytes(),
-        _planes(_zigzag(_difference(_difference(values)))),
+        _planes(_zigzag(_residuals(values)).transpose(2, 1, 0)),
         _planes(_xor(ego)),
         _planes(_xor(weather)),
         _difference(lights).tobytes(),
@@ -67,8 +71,7 @@ def decode_block(payload: bytes, table: ActorTable) -> list[Snapshot]:
     rows = take.array("<i4", row_count)
     bits = np.unpackbits(take.array("u1", -(-ticks * row_count // 8)), count=ticks * row_count)
     present = bits.reshape(ticks, row_count).astype(bool)
-    shape = (ticks, row_count, _ACTOR_CHANNELS)
-    values = np.cumsum(np.cumsum(_unzigzag(take.planes(shape)), axis=0, dtype=np.int32), axis=0, dtype=np.int32)
+    values = _from_residuals(_unzigzag(take.planes((_ACTOR_CHANNELS, row_count, ticks))).transpose(2, 1, 0))
     ego = np.bitwise_xor.accumulate(take.planes((ticks, _EGO_CHANNELS)), axis=0).view("<f4")
     weather = np.bitwise_xor.accumulate(take.planes((ticks, 10)), axis=0).view("<f4")
     lights = np.cumsum(take.array("u1", ticks * light_count).reshape(ticks, light_count), axis=0, dtype=np.uint8)
@@ -117,6 +120,26 @@ class _Cursor:
         return np.ascontiguousarray(planes.T).view("<u4").reshape(shape)
 
 
+def _residuals(values: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(T, R, C) values as what is left of x, y after the tick's velocity, and second differences of the rest.
+
+    A tick at 1 cm/s covers half a millimetre. All arithmetic is modulo 2^32, so any integers come back.
+    """
+    result = _difference(_difference(values))
+    result[..., _PLACE] = _difference(values[..., _PLACE])
+    result[1:, :, _PLACE] -= values[1:, :, _VELOCITY] >> 1
+    return result
+
+
+def _from_residuals(residuals: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The values whose `_residuals` these are."""
+    values = np.cumsum(np.cumsum(residuals, axis=0, dtype=np.int32), axis=0, dtype=np.int32)
+    steps = residuals[..., _PLACE].copy()
+    steps[1:] += values[1:, :, _VELOCITY] >> 1
+    values[..., _PLACE] = np.cumsum(steps, axis=0, dtype=np.int32)
+    return values
+
+
 def _difference(values: NDArray) -> NDArray:
     """First differences along time, modulo the type's range; the first row stays."""
     result = values.copy()
@@ -141,4 +164,5 @@ def _unzigzag(words: NDArray[np.uint32]) -> NDArray[np.int32]:
 
 def _planes(words: NDArray[np.uint32]) -> bytes:
     """Lowest bytes of all words, then the second, third and highest ones; words of one channel stay together."""
-    return np.ascontiguousarray(words.reshape(-1, 1).view("u1").T).tobytes()
+    flat = np.ascontiguousarray(words).reshape(-1, 1)
+    return np.ascontiguousarray(flat.view("u1").T).tobytes()
