@@ -19,7 +19,7 @@ from lavsim.errors import MapError
 from lavsim.geometry import wrap_angle
 from lavsim.map.curve import ReferenceLine
 from lavsim.map.links import LaneLinks, Report
-from lavsim.map.opendrive import JunctionRecord, LaneRecord, Network, Polynomial, RoadRecord, SectionRecord
+from lavsim.map.opendrive import JunctionRecord, LaneRecord, Network, Polynomial, RoadRecord, SectionRecord, SpeedRecord
 from lavsim.types import LaneType, RoadOption
 
 Floats = NDArray[np.float64]
@@ -102,7 +102,9 @@ class LaneTable:
         pred_first, pred: lanes that lead in.
         left, right: (L,) int32, neighbour of the same type and direction, or -1.
         change_left, change_right: (L,) bool, marks allow the change over at least half of the lane.
-        speed_limit: (L,) [m/s].
+        speed_limit: (L,) [m/s], what holds over the longest part of the lane.
+        limit_first, limit_u, limit: (K,) limits [m/s] along lane i in rows limit_first[i] … limit_first[i+1]-1,
+            each from its `limit_u` [m] on; the first from 0.
         light: (L,) int32, traffic light that governs this junction lane, or -1.
         sign: (L,) int32, stop or yield sign in `TownMap.signs` that governs this junction lane, or -1.
         conflict_first, conflict: lanes of the same junction whose swept areas meet this one's (compressed rows);
@@ -134,6 +136,9 @@ class LaneTable:
     change_left: NDArray[np.bool_]
     change_right: NDArray[np.bool_]
     speed_limit: Floats
+    limit_first: Ints
+    limit_u: Floats
+    limit: Floats
     light: Ints
     sign: Ints
     conflict_first: Ints
@@ -645,6 +650,7 @@ def build_lanes(
     pred = _compress([(b, a) for a, b in pairs], count)
     left, right, change_left, change_right = _neighbours(pieces, index, types)
     starts, ends = points[first[:-1]], points[first[1:] - 1]
+    speed_limit, limit_first, limit_u, limit = _speed_limits(pieces, pred, length, limits)
     conflict_first, conflict, conflict_u = _conflicts(first, step, points, junction, types, road_id, pairs)
     forward = np.array([p.forward for p in pieces])
     low, high = np.array([p.shape.start for p in pieces]), np.array([p.shape.end for p in pieces])
@@ -671,7 +677,10 @@ def build_lanes(
         right=right,
         change_left=change_left,
         change_right=change_right,
-        speed_limit=_speed_limits(pieces, pred, length, junction, limits),
+        speed_limit=speed_limit,
+        limit_first=limit_first,
+        limit_u=limit_u,
+        limit=limit,
         light=np.full(count, -1, np.int32),  # filled in once the lights are known
         sign=np.full(count, -1, np.int32),
         conflict_first=conflict_first,
@@ -681,14 +690,26 @@ def build_lanes(
     )
 
 
+def _limit_steps(speeds: Sequence[SpeedRecord], low: float, high: float, forward: bool) -> list[tuple[float, float]]:
+    """(share of the lane travelled, limit [m/s] from there on) between s `low` and `high`."""
+    inside = [speed for speed in speeds if speed.s < high]
+    before = [speed for speed in inside if speed.s <= low]
+    inside = [*before[-1:], *(speed for speed in inside if speed.s > low)]
+    if not inside:
+        return []
+    starts = [low, *(speed.s for speed in inside[1:]), high]
+    if forward:
+        return [((a - low) / (high - low), speed.limit) for a, speed in zip(starts, inside, strict=False)]
+    return [((high - b) / (high - low), speed.limit) for b, speed in zip(starts[1:], inside, strict=True)][::-1]
+
+
 def _speed_limits(
     pieces: list[_Piece],
     pred: tuple[Ints, Ints],
     length: Floats,
-    junction: Ints,
     limits: dict[int, list[tuple[float, tuple[tuple[int, int], ...], float]]],
-) -> Floats:
-    """One limit a lane piece: what holds over the longest part of it.
+) -> tuple[Floats, Ints, Floats, Floats]:
+    """One limit a lane piece, which holds over the longest part of it; and all its limits as compressed rows.
 
     Signs hold from where they stand until the next one, across lane links (CARLA's sticky signs); where several ways
     lead in, the lowest limit counts. A town without signs goes by its roads' speed records. Lanes that neither
@@ -697,7 +718,7 @@ def _speed_limits(
     count = len(pieces)
     own = np.full(count, np.nan)  # over the longest part of the lane
     leaving = np.full(count, np.nan)  # at its end
-    entering_share = np.ones(count)  # part of the lane before its first sign
+    along_lane: list[list[tuple[float, float]]] = []
     for k, piece in enumerate(pieces):
         records: list[tuple[float, float]] = []  # (share of the lane travelled, limit)
         low, high = piece.shape.start, piece.shape.end
@@ -706,19 +727,17 @@ def _speed_limits(
                 share = (s - low) / (high - low)
                 records.append((share if piece.forward else 1.0 - share, limit))
         if not limits:
-            for speed in piece.road.speeds:
-                if speed.s < high and (not records or speed.s <= low):
-                    records = [(0.0, speed.limit)]
-            if piece.lane.speeds:
-                records = [(0.0, piece.lane.speeds[0].limit)]
+            own_speeds = [SpeedRecord(low + speed.s, speed.limit) for speed in piece.lane.speeds]
+            records = _limit_steps(own_speeds or piece.road.speeds, low, high, piece.forward)
+        records.sort()
+        along_lane.append(records)
         if records:
-            records.sort()
             marks = [r[0] for r in records] + [1.0]
             shares: dict[float, float] = {}
             for (at, limit), end in zip(records, marks[1:], strict=True):
                 shares[limit] = shares.get(limit, 0.0) + end - at
             best = max(shares, key=lambda limit: (shares[limit], -limit))
-            entering_share[k], leaving[k] = marks[0], records[-1][1]
+            leaving[k] = records[-1][1]
             if shares[best] >= marks[0]:
                 own[k] = best
     known = ~np.isnan(leaving)
@@ -738,7 +757,20 @@ def _speed_limits(
                 if not known[following]:
                     heapq.heappush(rising, (limit, following))
     limit_of = np.where(np.isnan(own), arriving, own)
-    return np.where(np.isnan(limit_of), DEFAULT_LIMIT, limit_of)
+    first, along, values = [0], [], []
+    for k in range(count):
+        steps = [(0.0, DEFAULT_LIMIT if np.isnan(arriving[k]) else float(arriving[k])), *along_lane[k]]
+        if len(steps) > 1 and steps[1][0] <= 0.0:
+            steps = steps[1:]
+        along += [share * float(length[k]) for share, _ in steps]
+        values += [limit for _, limit in steps]
+        first.append(len(along))
+    return (
+        np.where(np.isnan(limit_of), DEFAULT_LIMIT, limit_of),
+        np.array(first, np.int32),
+        np.array(along),
+        np.array(values),
+    )
 
 
 def gaps(lanes: LaneTable) -> Floats:

@@ -481,6 +481,8 @@ def is_stop_line(thing: ObjectRecord) -> bool:
 
 def outline_in_world(thing: ObjectRecord, shape: RoadShape) -> NDArray[np.float64]:
     """Corners `(M, 2)` of an object's outline, or of its length x width box [m]."""
+    if thing.road_outline and not thing.outline:
+        return np.array([shape.place(s, t)[:2] for s, t, _ in thing.road_outline])
     corners: Sequence[Sequence[float]] = thing.outline
     if not corners:
         a, b = thing.length / 2.0, thing.width / 2.0

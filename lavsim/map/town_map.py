@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from importlib import resources
 from pathlib import Path
@@ -16,31 +17,35 @@ from numpy.typing import ArrayLike, NDArray
 
 from lavsim.errors import MapError, UnknownName
 from lavsim.map.chords import Chords, build_chords
-from lavsim.map.junction import Junction, build_junction
+from lavsim.map.derived import TownData, derive, load, road_shapes, save
+from lavsim.map.junction import Junction
 from lavsim.map.landmark import Landmark, build_landmarks, landmarks_ahead
-from lavsim.map.lane import LaneTable, RoadShape, SectionShape, build_lanes
+from lavsim.map.lane import LaneTable, RoadShape, SectionShape
 from lavsim.map.lane_index import LaneIndex, centre_points
-from lavsim.map.links import Report
-from lavsim.map.opendrive import Network, RoadMark, read_bytes, read_network, reference_origin
-from lavsim.map.signal import (
-    LightGroup,
-    Sign,
-    TrafficLight,
-    build_groups,
-    build_lights,
-    build_signs,
-    is_stop_line,
-    outline_in_world,
-    speed_signs,
-)
+from lavsim.map.opendrive import Network, RoadMark, read_bytes, read_network
+from lavsim.map.parking import ParkingSlot
+from lavsim.map.signal import LightGroup, Sign, TrafficLight, is_stop_line, outline_in_world
 from lavsim.types import LaneType
 
 if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
     from lavsim.map.scenery import Scenery
 
 Floats = NDArray[np.float64]
 
+_log = logging.getLogger(__name__)
+
 TOWN_PATH = "LAVSIM_TOWN_PATH"  # environment variable: folders with users' towns
+ROADWAY = (
+    LaneType.DRIVING
+    | LaneType.BIDIRECTIONAL
+    | LaneType.ENTRY
+    | LaneType.EXIT
+    | LaneType.OFF_RAMP
+    | LaneType.ON_RAMP
+    | LaneType.PARKING
+)  # lanes that vehicles may be on
 MARK_SPACING = 1.0  # [m] between the points of a mark line
 DOUBLE_GAP = 0.12  # [m] from the middle of a double line to each of its lines
 
@@ -99,34 +104,48 @@ class TownMap:
     Attributes:
         name: As it was loaded.
         digest: First 16 hex digits of the file's SHA-256.
+        data: The file's bytes.
         lanes: All lanes.
         junctions: As `LaneTable.junction` numbers them.
         lights: Traffic lights as snapshots number them.
         light_groups: Which lights take turns.
         signs: Stop, yield and speed signs as `LaneTable.sign` numbers them.
         crosswalks: Polygons (M, 2) [m].
+        parking: Parking spaces drawn as objects.
         geo_reference: Latitude and longitude of the origin [deg].
-        xodr: The file's text.
-        network: The file's records.
         report: What was mended, dropped or not read, in sentences.
     """
 
     name: str
     digest: str
+    data: bytes = field(repr=False)
     lanes: LaneTable
     junctions: tuple[Junction, ...]
     lights: tuple[TrafficLight, ...]
     light_groups: tuple[LightGroup, ...]
     signs: tuple[Sign, ...]
     crosswalks: tuple[Floats, ...]
+    parking: tuple[ParkingSlot, ...]
     geo_reference: tuple[float, float]
-    xodr: str = field(repr=False)
-    network: Network = field(repr=False)
-    shapes: dict[int, RoadShape] = field(repr=False)
-    report: tuple[str, ...] = field(default=(), repr=False)
+    report: tuple[str, ...]
 
     def __repr__(self) -> str:
         return f"TownMap({self.name!r}, {len(self.lanes)} lanes, {len(self.lights)} lights)"
+
+    @cached_property
+    def xodr(self) -> str:
+        """The file's text."""
+        return self.data.decode("utf-8", errors="replace")
+
+    @cached_property
+    def network(self) -> Network:
+        """The file's records; read on first use where the town came from its copy on disk."""
+        return read_network(self.data, self.name)
+
+    @cached_property
+    def shapes(self) -> dict[int, RoadShape]:
+        """Curves of all roads by id."""
+        return road_shapes(self.network, self.name)
 
     @cached_property
     def bounds(self) -> Floats:
@@ -290,6 +309,32 @@ class TownMap:
         if key not in self._sections:
             self._sections[key] = SectionShape(self.shapes[road_id], section)
         return self._sections[key]
+
+    def speed_limit_at(self, points: ArrayLike, types: int = LaneType.DRIVING) -> Floats:
+        """Speed limit (N,) [m/s] on the nearest lane of each of `points` (N, 2|3); NaN where there is none.
+
+        Signs hold from where they stand, until the next one.
+        """
+        hits = self.nearest(points, types)
+        t = self.lanes
+        limits = np.full(len(hits.lane), np.nan)
+        for k in np.flatnonzero(hits.lane >= 0):
+            rows = slice(t.limit_first[hits.lane[k]], t.limit_first[hits.lane[k] + 1])
+            row = int(np.searchsorted(t.limit_u[rows], hits.u[k] + 1e-6, side="right")) - 1
+            limits[k] = t.limit[rows][max(row, 0)]
+        return limits
+
+    def drivable_area(self, types: int = ROADWAY) -> MultiPolygon:
+        """Ground covered by lanes of `types`, as one geometry."""
+        from lavsim.map.area import drivable_area
+
+        return drivable_area(self, int(types))
+
+    def drivable_raster(self, resolution: float = 0.5, types: int = ROADWAY) -> tuple[NDArray[np.bool_], Floats]:
+        """The same as an image (rows to +y, columns to +x) and the x, y of its corner [m]; `resolution` [m/px]."""
+        from lavsim.map.area import drivable_raster
+
+        return drivable_raster(self, resolution, int(types))
 
     @cached_property
     def marks(self) -> tuple[MarkLine, ...]:
@@ -531,53 +576,18 @@ def build_town(name: str, data: bytes, source: str | None = None) -> TownMap:
     Raises:
         MapError: with file and line.
     """
-    network = read_network(data, source or name)
     source = source or name
-    shapes = {}
-    for road in network.roads:
-        try:
-            shapes[road.id] = RoadShape(road)
-        except MapError as error:
-            raise MapError(f"{source}, line {road.line}: road {road.id}: {error}.") from None
-    report = Report()
-    try:
-        lanes = build_lanes(network, shapes, network.junctions, speed_signs(network), report)
-    except MapError as error:
-        raise MapError(f"{source}, {error}") from None
-    lights, governing = build_lights(network, shapes, lanes)
-    signs, guarding = build_signs(network, shapes, lanes)
-    lanes = replace(lanes, light=governing, sign=guarding)
-    junctions = tuple(build_junction(k, record, lanes) for k, record in enumerate(network.junctions))
-    crosswalks = tuple(
-        outline_in_world(thing, shapes[road.id])
-        for road in network.roads
-        for thing in road.objects
-        if thing.kind == "crosswalk"
-    )
-    return TownMap(
-        name=name,
-        digest=hashlib.sha256(data).hexdigest()[:16],
-        lanes=lanes,
-        junctions=junctions,
-        lights=lights,
-        light_groups=build_groups(network, network.junctions, lights),
-        signs=signs,
-        crosswalks=crosswalks,
-        geo_reference=reference_origin(network.geo_reference),
-        xodr=data.decode("utf-8", errors="replace"),
-        network=network,
-        shapes=shapes,
-        report=tell(network, report),
-    )
+    network = read_network(data, source)
+    shapes = road_shapes(network, source)
+    town = _town(name, data, hashlib.sha256(data).hexdigest(), derive(network, shapes, source))
+    vars(town).update(network=network, shapes=shapes)  # as their properties would read them again
+    return town
 
 
-def tell(network: Network, report: Report) -> tuple[str, ...]:
-    """What was mended, dropped and not read, in sentences; the last in one."""
-    sentences = [f"{repair[0].upper()}{repair[1:]}." for repair in network.repairs]
-    sentences += [f"{sentence[0].upper()}{sentence[1:]}" for sentence in report.sentences()]
-    if network.notes:
-        sentences.append("Not read: " + ", ".join(note.removesuffix(" not read") for note in network.notes) + ".")
-    return tuple(sentences)
+def _town(name: str, data: bytes, digest: str, derived: TownData) -> TownMap:
+    for sentence in derived.report:
+        _log.warning("%s: %s", name, sentence)
+    return TownMap(name, digest[:16], data, **vars(derived))
 
 
 def _town_files(search_path: Sequence[Path]) -> dict[str, Path]:
@@ -612,4 +622,11 @@ def load_town(name: str, search_path: Sequence[Path] = ()) -> TownMap:
 
 @lru_cache(maxsize=16)
 def _load(name: str, path: Path, modified: int) -> TownMap:
-    return build_town(name, read_bytes(path), str(path))
+    data = read_bytes(path)
+    digest = hashlib.sha256(data).hexdigest()
+    derived = load(digest)
+    if derived is not None:
+        return _town(name, data, digest, derived)
+    town = build_town(name, data, str(path))
+    save(TownData(**{f.name: getattr(town, f.name) for f in fields(TownData)}), digest)
+    return town

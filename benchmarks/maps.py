@@ -1,0 +1,78 @@
+"""Times of loading towns and of nearest-lane queries, on one core; medians.
+
+`python benchmarks/maps.py [FOLDER …]`: the bundled towns and those in FOLDER.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+
+import numpy as np
+
+from lavsim.map import town_map
+from lavsim.map.town_map import TownMap, build_town, load_town, town_names
+from lavsim.types import LaneType
+
+ROUNDS = 7
+QUERIES = 10_000
+SCRIPT = "import time\nfrom pathlib import Path\nfrom lavsim.map.town_map import load_town\nt=time.perf_counter()\n"
+
+
+def median(action: Callable[[], object]) -> float:
+    """Milliseconds of `action`."""
+    times = []
+    for _ in range(ROUNDS):
+        start = time.perf_counter()
+        action()
+        times.append(time.perf_counter() - start)
+    return 1000.0 * statistics.median(times)
+
+
+def near_lanes(town: TownMap) -> np.ndarray:
+    """Points within some metres of driving lanes."""
+    rng = np.random.default_rng(0)
+    lanes = town.lanes
+    rows = np.concatenate([np.arange(lanes.first[k], lanes.first[k + 1]) for k in lanes.where(LaneType.DRIVING)])
+    return lanes.points[rng.choice(rows, QUERIES), :3] + rng.normal(0.0, 2.0, (QUERIES, 3)) * (1.0, 1.0, 0.0)
+
+
+def in_a_new_process(name: str, folders: list[Path], cache: str) -> float:
+    """Milliseconds of `load_town` in a fresh process, without imports."""
+    code = f"{SCRIPT}load_town({name!r}, {[str(f) for f in folders]!r})\nprint(time.perf_counter()-t)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "LAVSIM_CACHE": cache}, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    return 1000.0 * float(done.stdout)
+
+
+def main(folders: list[Path]) -> None:
+    """Prints the table."""
+    print(f"{'town':<14}{'lanes':>7}{'build':>10}{'cold':>10}{'cached':>10}{'10k nearest':>13}{'with z':>10}   [ms]")
+    for name in town_names(folders):
+        with tempfile.TemporaryDirectory() as cache:
+            cold = in_a_new_process(name, folders, cache)
+            cached = statistics.median(in_a_new_process(name, folders, cache) for _ in range(3))
+        town = load_town(name, folders)
+        data = town.xodr.encode()
+        points = near_lanes(town)
+        town.nearest(points[:10])
+        town.nearest(points[:10, :2])
+        print(
+            f"{name:<14}{len(town.lanes):>7}{median(lambda: build_town(name, data)):>10.1f}{cold:>10.1f}{cached:>10.1f}"
+            f"{median(lambda: town.nearest(points[:, :2])):>13.2f}{median(lambda: town.nearest(points)):>10.2f}"
+        )
+
+
+if __name__ == "__main__":
+    assert town_map.__file__
+    main([Path(a) for a in sys.argv[1:]])
