@@ -18,7 +18,11 @@ TOWNS: dict[str, Callable[[], Layout]] = {
     "eu_small_a": european.eu_small_a,
     "eu_small_b": european.eu_small_b,
     "us_large_a": american.us_large_a,
+    "us_large_b": american.us_large_b,
     "us_large_c": american.us_large_c,
+    "us_highway": american.us_highway,
+    "us_rural": american.us_rural,
+    "us_center": american.us_center,
 }
 
 

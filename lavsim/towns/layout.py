@@ -348,7 +348,7 @@ def _hook(street: Street, at_start: bool, port: Place) -> None:
     """Ties a ramp's end to its motorway: from the port straight on for a while, then towards its other points."""
     x, y, heading = port
     corner = (x + street.run * math.cos(heading), y + street.run * math.sin(heading))
-    radius = 2.5 * street.run
+    radius = 1.4 * street.run
     if at_start:
         street.points, street.radii = ((x, y), corner, *street.points[1:]), (radius, *street.radii)
     else:

@@ -429,11 +429,12 @@ class _Junction:
         return self._add(a, b, pen, (*left, LaneRecord(0, "none", (), (centre,)), *lanes), signal, count)
 
     def kerb(self, a: _Mouth, b: _Mouth) -> int:
-        """Gutter and sidewalk round a corner that no traffic follows."""
+        """Gutter, sidewalk and the pavement inside them round a corner that no traffic follows."""
         pen = Pen(*a.at(a.section.edge(a.side) - a.section.gutter))
         pen.reach(*b.at(b.section.edge(b.side) - b.section.gutter))
         lanes = _kerb_lanes(a, b, -1, pen.s)
-        return self._add(a, b, pen, (LaneRecord(0, "none", (), (NO_MARK,)), *lanes), None, 0)
+        paved = LaneRecord(1, "stop", (Polynomial(0.0, FILL),), (NO_MARK,))
+        return self._add(a, b, pen, (paved, LaneRecord(0, "none", (), (NO_MARK,)), *lanes), None, 0)
 
     def _add(
         self, a: _Mouth, b: _Mouth, pen: Pen, lanes: tuple[LaneRecord, ...], signal: int | None, count: int
