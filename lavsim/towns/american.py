@@ -228,7 +228,7 @@ def us_center() -> Layout:
 
 
 def us_highway() -> Layout:
-    """A town below a divided motorway that ends in its main road; ramps lead into it and to a hamlet on the far side."""
+    """A town below a divided motorway that ends in its main road; ramps lead into it and to a hamlet beyond."""
     town = Layout("us_highway", section=LOCAL, corner_radius=CORNER, across=True)
     three = replace(MOTORWAY, lanes=3, back=2)
 
@@ -293,7 +293,7 @@ def us_highway() -> Layout:
 
 
 def us_rural() -> Layout:
-    """Three villages and a crossroads in the country: long bends, one lane a side, yields and stops but for one place."""
+    """Three villages and a crossroads in the country: long bends, one lane a side, yields and stops, few lights."""
     town = Layout("us_rural", section=RURAL, corner_radius=15.0, across=True, scale=1.12)
 
     def country(name: str, x: float, y: float, control: str = "yield") -> None:
@@ -335,7 +335,8 @@ def us_rural() -> Layout:
         town.street(name, start, end, speed=40, section=VILLAGE)
     roads: tuple[tuple[str, str, str, list[tuple[float, float, float]]], ...] = (
         ("North Road 1", "ashby green", "north fork", [(-20, 690, 110), (130, 800, 110), (300, 790, 150)]),
-        ("North Road 2", "north fork", "brook hall", [(560, 905, 150), (700, 860, 150), (820, 920, 99), (940, 900, 60)]),
+        ("North Road 2", "north fork", "brook hall",
+         [(560, 905, 150), (700, 860, 150), (820, 920, 99), (940, 900, 60)]),
         ("Oak Road 1", "ashby church", "oak fork", [(240, 560, 120), (340, 660, 120)]),
         ("Oak Road 2", "oak fork", "brook inn", [(590, 660, 120), (670, 760, 110)]),
         ("Fork Lane", "north fork", "oak fork", [(445, 760, 100)]),
@@ -353,7 +354,7 @@ def us_rural() -> Layout:
         ("Hill Road 1", "ashby smithy", "hill fork", [(145, 345, 40)]),
         ("Hill Road 2", "hill fork", "farm", [(315, 253, 60), (322, 190, 90)]),
         ("Hill Road 3", "hill fork", "ashby well", [(225, 212, 30), (110, 272, 60)]),
-    )  # fmt: skip
+    )  # fmt: skip  # fmt: skip
     for name, start, end, via in roads:
         town.street(name, start, end, via=via, speed=60)
     return town
