@@ -316,6 +316,7 @@ def us_rural() -> Layout:
     town.junction("crane quay", 850, 50, control="yield")
     # In the country.
     town.roundabout("crossroads", 455, 430, radius=20.0)
+    country("west fork", 160, 800)
     country("north fork", 430, 850)
     country("oak fork", 470, 660, control="stop")
     country("farm", 330, 120, control="stop")
@@ -334,7 +335,9 @@ def us_rural() -> Layout:
     for name, start, end in streets:
         town.street(name, start, end, speed=40, section=VILLAGE)
     roads: tuple[tuple[str, str, str, list[tuple[float, float, float]]], ...] = (
-        ("North Road 1", "ashby green", "north fork", [(-20, 690, 110), (130, 800, 110), (300, 790, 150)]),
+        ("West Road", "ashby green", "west fork", [(-20, 690, 110), (50, 785, 90)]),
+        ("North Road 1", "west fork", "north fork", [(300, 785, 150)]),
+        ("Orchard Road", "ashby church", "west fork", [(105, 650, 100), (160, 720, 80)]),
         ("North Road 2", "north fork", "brook hall",
          [(560, 905, 150), (700, 860, 150), (820, 920, 99), (940, 900, 60)]),
         ("Oak Road 1", "ashby church", "oak fork", [(240, 560, 120), (340, 660, 120)]),
@@ -356,5 +359,5 @@ def us_rural() -> Layout:
         ("Hill Road 3", "hill fork", "ashby well", [(225, 212, 30), (110, 272, 60)]),
     )  # fmt: skip  # fmt: skip
     for name, start, end, via in roads:
-        town.street(name, start, end, via=via, speed=60)
+        town.street(name, start, end, via=via, speed=40 if name.startswith("Hill") else 60)
     return town

@@ -143,7 +143,7 @@ class Node:
 
     def halts(self, arm: Arm) -> bool:
         """Whether lights or signs may stop who comes by `arm`."""
-        if self.control == "none" or not arm.ways_in:
+        if self.control == "none" or not arm.ways_in or sum(a.ways_in > 0 for a in self.arms()) == 1:
             return False
         if self.control in ("lights", "all stop"):
             return True

@@ -44,6 +44,8 @@ POLE_SETBACK = 1.0  # [m] before the junction: past the crosswalk, so that who w
 POLE_BESIDE = 0.5  # [m] from the kerb
 FAR_POLE_BESIDE = 0.9  # [m] from the kerb, of the post of a mast arm
 SIGN_SETBACK = 8.0  # [m] of speed signs after the junction
+CIRCLE_SPEED = 30  # [km/h] in roundabouts
+CIRCLE_SIGN = 20.0  # [m] before a roundabout: where its speed is shown
 SIGN_EVERY = 450.0  # [m] between speed signs on a long street
 FILL = 3.4  # [m] of pavement to the left of turns at a wide crossing
 REFERENCE_S = 0.1  # [m] of signal references on connecting roads
@@ -173,13 +175,15 @@ class _Builder:
             if not section.count(side):
                 continue
             beside = section.edge(side) + POLE_BESIDE
-            for k in range(1 + int(length / SIGN_EVERY)):
-                passed = SIGN_SETBACK + k * SIGN_EVERY
+            limits = [(SIGN_SETBACK + k * SIGN_EVERY, street.speed) for k in range(1 + int(length / SIGN_EVERY))]
+            if isinstance(street.node(side > 0), Roundabout) and street.speed > CIRCLE_SPEED:
+                limits.append((length - CIRCLE_SIGN, CIRCLE_SPEED))
+            for passed, limit in limits:
                 s = passed if side < 0 else length - passed
                 heading, orientation = (0.0, "-") if side < 0 else (math.pi, "+")
                 things.append(
                     ObjectRecord(
-                        next(self.ids), f"Speed_{street.speed}", s, side * beside, "-1",
+                        next(self.ids), f"Speed_{limit}", s, side * beside, "-1",
                         heading=heading, orientation=orientation,
                     )
                 )  # fmt: skip
@@ -345,7 +349,7 @@ class _Builder:
                 number, pen.s, tuple(pen.pieces), (SectionRecord(0.0, lanes),), name=f"{node.name} {i + 1}",
                 predecessor=self._link(arms[i].street, arms[i].at_start),
                 successor=self._link(following.street, following.at_start),
-                speeds=(SpeedRecord(0.0, 30.0 / 3.6),),
+                speeds=(SpeedRecord(0.0, CIRCLE_SPEED / 3.6),),
             )  # fmt: skip
             rings.append((number, pen.s))
         for i, arm in enumerate(arms):
