@@ -6,6 +6,7 @@ itself depends on neither.
 
 from __future__ import annotations
 
+import difflib
 import json
 import logging
 import os
@@ -135,14 +136,29 @@ def report(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")])
 
 
 @app.command()
-def towns(town_path: TownPath = None, as_json: AsJson = False) -> None:
-    """List the towns there are."""
+def towns(
+    check: Annotated[
+        Path | None,
+        typer.Option("--check", help="An OpenDRIVE file: say what is wrong in it; exit code 2 if anything."),
+    ] = None,
+    town_path: TownPath = None,
+    as_json: AsJson = False,
+) -> int:
+    """List the towns there are, or check a road network of one's own."""
+    if check is not None:
+        from lavsim.map.check import check_file
+
+        if not check.is_file():
+            raise OutputError(f"there is no file {str(check)!r} to check.")
+        return _verdict(str(check), check_file(check), as_json)
     from lavsim.map.town_map import load_town, town_names
+    from lavsim.towns.facts import facts_of
     from lavsim.types import LaneType
 
     search = _towns_at(town_path)
     entries: list[dict[str, Any]] = []
     for name in town_names(search):
+        facts = facts_of(name)
         try:
             town = load_town(name, search)
         except LavsimError as error:
@@ -152,23 +168,55 @@ def towns(town_path: TownPath = None, as_json: AsJson = False) -> None:
         entries.append(
             {
                 "name": name,
+                "split": facts.split if facts else "",
+                "road_km": round(sum(road.length for road in town.network.roads if road.junction < 0) / 1000.0, 2),
                 "lane_km": round(float(town.lanes.length[driving].sum()) / 1000.0, 2),
                 "junctions": len(town.junctions),
                 "lights": len(town.lights),
+                "vehicles": facts.vehicles if facts else "",
+                "layout": facts.layout if facts else "",
                 "digest": town.digest,
             }
         )
-    _list(entries, as_json)
+    if as_json:
+        _list(entries, True)
+    else:
+        _list([{key: value for key, value in entry.items() if key != "digest"} for entry in entries], False)
+    return 0
 
 
-@app.command()
-def routes(
+class _RouteCommands(typer.core.TyperGroup):
+    """`lavsim routes FILE` stands for `lavsim routes list FILE`."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and not args[0].startswith("-") and not difflib.get_close_matches(args[0], self.commands, 1, 0.75):
+            args = ["list", *args]
+        return super().resolve_command(ctx, args)
+
+
+routes_app = typer.Typer(cls=_RouteCommands, help="List, check and make routes.", rich_markup_mode=None)
+app.add_typer(routes_app, name="routes")
+
+
+@routes_app.callback(invoke_without_command=True)
+def routes(context: typer.Context, as_json: AsJson = False) -> None:
+    """List, check and make routes; without a command, list the bundled ones."""
+    if context.invoked_subcommand is None:
+        _list_routes(None, as_json)
+
+
+@routes_app.command("list")
+def list_routes(
     file: Annotated[
-        str | None, typer.Argument(help="Name of a bundled route file, or a path; all bundled ones.")
+        str | None, typer.Argument(help="Name of a bundled route file, or a path; all bundled ones by default.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """List routes."""
+    """List the routes of a file."""
+    _list_routes(file, as_json)
+
+
+def _list_routes(file: str | None, as_json: bool) -> None:
     from leaderboard.routes import read_routes, route_files
 
     entries = [
@@ -185,6 +233,72 @@ def routes(
         for entry in read_routes(name)
     ]
     _list(entries, as_json)
+
+
+@routes_app.command("check")
+def check_routes(
+    file: Annotated[str, typer.Argument(help="A route file, or the name of a bundled one.")],
+    town_path: TownPath = None,
+    as_json: AsJson = False,
+) -> int:
+    """Say what is wrong in a route file; exit code 2 if anything."""
+    from leaderboard.route_check import check_routes as findings_of
+
+    return _verdict(file, findings_of(file, _towns_at(town_path)), as_json)
+
+
+@routes_app.command("make")
+def make_routes(
+    town: Annotated[str, typer.Option(help="Where.")],
+    out: Annotated[Path, typer.Option(help="The route file to write.")],
+    count: Annotated[int, typer.Option(help="Routes.")] = 10,
+    length: Annotated[str, typer.Option(help="Shortest and longest in metres: '500-2000'.")] = "500-2000",
+    seed: Annotated[int, typer.Option(help="Of everything that is drawn.")] = 0,
+    traffic: Annotated[str, typer.Option(help="Traffic profile of the file: leaderboard, lav or empty.")] = "lav",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
+    town_path: TownPath = None,
+) -> None:
+    """Make random routes through a town, with hazards where they fit."""
+    from lavsim.map.town_map import load_town
+    from leaderboard.route_maker import RouteWish
+    from leaderboard.route_maker import make_routes as make
+    from leaderboard.route_writer import write_routes
+    from leaderboard.routes import TRAFFIC_PROFILES
+
+    shortest, longest = _interval(length)
+    if traffic not in TRAFFIC_PROFILES:
+        raise UnknownName("traffic profile", traffic, TRAFFIC_PROFILES)
+    if out.exists() and not overwrite:
+        raise OutputError(f"{out} is there already; --overwrite replaces it.")
+    if not out.parent.is_dir():
+        raise OutputError(f"there is no folder {str(out.parent)!r} to write {out.name} into.")
+    entries = make(load_town(town, _towns_at(town_path)), RouteWish(count, shortest, longest, seed))
+    try:
+        out.write_bytes(write_routes(entries, traffic))
+    except OSError as error:
+        raise OutputError(f"can't write {out}: {error.strerror}") from None
+    hazards = sum(len(entry.scenarios) for entry in entries)
+    typer.echo(f"{out}  {len(entries)} routes, {hazards} hazards")
+
+
+def _interval(text: str) -> tuple[float, float]:
+    low, dash, high = text.partition("-")
+    try:
+        return float(low), float(high if dash else low)
+    except ValueError:
+        raise typer.BadParameter(f"--length: expected two numbers like 500-2000, got {text!r}") from None
+
+
+def _verdict(what: str, findings: Sequence[str], as_json: bool) -> int:
+    """Prints what a check found; the exit code."""
+    if as_json:
+        typer.echo(json.dumps([{"file": what, "finding": finding} for finding in findings], ensure_ascii=False))
+    else:
+        for finding in findings:
+            typer.echo(" ".join(finding.split()))
+        if not findings:
+            typer.echo(f"{what}: nothing is wrong.")
+    return 2 if findings else 0
 
 
 @app.command()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -57,7 +58,23 @@ def test_every_list_prints_one_json_array_of_objects(command: str, capsys: pytes
         (["score", "--agent", "agents.idle", "--track", "RAILS"], ["RAILS", "SENSORS"]),
         (["score", "--agent", "agents.idle", "--repetitions", "0"], ["repetitions", "0"]),
         (["towns", "--town-path", "/nowhere"], ["/nowhere"]),
+        (["towns", "--check", "nowhere.xodr"], ["no file", "nowhere.xodr"]),
         (["show", "eu_smal_a"], ["eu_smal_a", "eu_small_a"]),
+        (["show", "quick", "--route-ids", "9"], ["9", "quick.xml"]),
+        (["routes", "quik"], ["quik", "quick"]),
+        (["routes", "chekc", "quick"], ["chekc", "check"]),
+        (["routes", "check", "nowhere.xml"], ["nowhere.xml"]),
+        (["routes", "check"], ["file"]),
+        (["routes", "make", "--out", "x.xml"], ["--town"]),
+        (["routes", "make", "--town", "us_larg_a", "--out", "x.xml"], ["us_larg_a", "us_large_a"]),
+        (
+            ["routes", "make", "--town", "eu_small_a", "--out", "x.xml", "--length", "far"],
+            ["--length", "500-2000", "far"],
+        ),
+        (["routes", "make", "--town", "eu_small_a", "--out", "x.xml", "--length", "900-500"], ["900-500"]),
+        (["routes", "make", "--town", "eu_small_a", "--out", "x.xml", "--count", "0"], ["count", "0"]),
+        (["routes", "make", "--town", "eu_small_a", "--out", "x.xml", "--traffic", "dense"], ["dense", "empty"]),
+        (["routes", "make", "--town", "eu_small_a", "--out", "/nowhere/x.xml"], ["/nowhere"]),
         (["report", "/nowhere"], ["/nowhere"]),
     ],
 )
@@ -96,6 +113,80 @@ def test_folder_that_holds_a_run_is_refused(capsys: pytest.CaptureFixture[str], 
     (tmp_path / "results.json").write_text("{}")
     line = refusal(capsys, "score", "--agent", "agents.idle", "--out", str(tmp_path))
     assert "--overwrite" in line
+
+
+def test_routes_of_one_file_are_listed_by_its_name_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["routes", "quick", "--json"]) == 0
+    short = json.loads(capsys.readouterr().out)
+    assert main(["routes", "list", "quick", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == short
+    assert [entry["id"] for entry in short] == ["0", "1"]
+    assert main(["routes", "--json"]) == 0
+    assert {entry["file"] for entry in json.loads(capsys.readouterr().out)} > {"quick", "devtest"}
+
+
+def test_made_routes_are_checked_and_not_overwritten(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    made = str(tmp_path / "mine.xml")
+    make = [
+        "routes",
+        "make",
+        "--town",
+        "eu_small_a",
+        "--count",
+        "2",
+        "--length",
+        "500-700",
+        "--seed",
+        "3",
+        "--out",
+        made,
+    ]
+    assert main(make) == 0
+    assert "2 routes" in capsys.readouterr().out
+    assert "--overwrite" in refusal(capsys, *make)
+    assert main([*make, "--overwrite"]) == 0
+    capsys.readouterr()
+    assert main(["routes", "check", made]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+
+
+def test_checks_print_findings_and_exit_2(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "mine.xml"
+    file.write_text(ROUTE.format(town="eu_smal_a", x=0))
+    assert main(["routes", "check", str(file)]) == 2
+    assert "Did you mean 'eu_small_a'" in capsys.readouterr().out
+    assert main(["routes", "check", str(file), "--json"]) == 2
+    assert "eu_smal_a" in json.loads(capsys.readouterr().out)[0]["finding"]
+    town = tmp_path / "mine.xodr"
+    town.write_text("<OpenDRIVE><road/></OpenDRIVE>")
+    assert main(["towns", "--check", str(town)]) == 2
+    assert "mine.xodr" in capsys.readouterr().out
+
+
+def test_towns_come_with_split_and_layout(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["towns", "--json"]) == 0
+    entries = {entry["name"]: entry for entry in json.loads(capsys.readouterr().out)}
+    small = entries["eu_small_a"]
+    assert small["split"] == "training"
+    assert small["road_km"] >= 3.0
+    assert small["junctions"] >= 8
+    assert "T junctions" in small["layout"]
+
+
+def test_towns_of_one_s_own_are_listed_drawn_and_driven_through(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    source = resources.files("lavsim.towns") / "eu_small_a.xodr"
+    (tmp_path / "hamlet.xodr").write_bytes(source.read_bytes())
+    search = ["--town-path", str(tmp_path)]
+    assert main(["towns", "--json", *search]) == 0
+    assert "hamlet" in {entry["name"] for entry in json.loads(capsys.readouterr().out)}
+    made = str(tmp_path / "mine.xml")
+    assert main(["routes", "make", "--town", "hamlet", "--count", "1", "--out", made, *search]) == 0
+    capsys.readouterr()
+    assert "hamlet" in refusal(capsys, "show", made, "--out", str(tmp_path))
+    assert main(["show", made, "--out", str(tmp_path / "pictures"), *search]) == 0
+    assert (tmp_path / "pictures" / "mine_000.png").exists()
 
 
 def test_show_draws_a_town(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

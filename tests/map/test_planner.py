@@ -12,7 +12,6 @@ from lavsim.errors import RouteError
 from lavsim.map.planner import RoutePlanner, get_planner, shortest_way
 from lavsim.map.route import Route, RouteTracker, polyline_length
 from lavsim.map.town_map import load_town
-from lavsim.towns.draw_routes import FILES, draw_file
 from lavsim.types import LaneType, RoadOption
 from tests import worlds
 
@@ -256,11 +255,3 @@ def test_the_tracker_takes_the_later_of_equally_near_points_and_ends_at_100_perc
         tracker.update((float(x), 0.0))
     assert tracker.index == 9
     assert tracker.percentage == 100.0
-
-
-@pytest.mark.parametrize("name", sorted(FILES))
-def test_route_files_are_what_the_script_draws(name: str) -> None:
-    from importlib import resources
-
-    town, sketches = FILES[name]
-    assert (resources.files("routes") / f"{name}.xml").read_bytes() == draw_file(load_town(town), sketches)

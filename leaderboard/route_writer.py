@@ -1,0 +1,68 @@
+"""Route files out: the 2.x format, hazards and weather keyframes inside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+from lxml import etree
+
+from lavsim.scenarios.base import ScenarioSpec
+from lavsim.world.weather import Weather
+from leaderboard.routes import RouteEntry
+
+_UNSAID = Weather()  # what differs from it is written, and what a reader of 2.x would take otherwise
+_ALWAYS = ("cloudiness", "sun_altitude_angle")
+_WEATHER_NAMES = [f.name for f in fields(Weather)]
+_LAST = ("sun_azimuth_angle", "sun_altitude_angle")
+
+
+def write_routes(entries: Sequence[RouteEntry], traffic: str | None = None) -> bytes:
+    """A route file.
+
+    Args:
+        entries: The routes; their ids are written as they are.
+        traffic: Traffic profile of the file; None leaves it to the rules.
+    """
+    root = etree.Element("routes", {} if traffic is None else {"traffic": traffic})
+    for entry in entries:
+        root.append(_route(entry))
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _route(entry: RouteEntry) -> etree._Element:
+    element = etree.Element("route", id=entry.id, town=entry.town)
+    weathers = etree.SubElement(element, "weathers")
+    for frame in entry.weather:
+        values = _weather_values(frame.weather)
+        etree.SubElement(weathers, "weather", {"route_percentage": number(frame.percentage), **values})
+    waypoints = etree.SubElement(element, "waypoints")
+    for x, y, z in entry.keypoints:
+        etree.SubElement(waypoints, "position", x=number(x), y=number(y), z=number(z))
+    scenarios = etree.SubElement(element, "scenarios")
+    for spec in entry.scenarios:
+        _scenario(scenarios, spec)
+    return element
+
+
+def _weather_values(weather: Weather) -> dict[str, str]:
+    """Attributes that give this weather back when read."""
+    names = sorted(_WEATHER_NAMES, key=lambda name: (name in _LAST, "fog" in name))
+    said = [n for n in names if n in _ALWAYS or getattr(weather, n) != getattr(_UNSAID, n)]
+    return {name: f"{getattr(weather, name):g}" for name in said}
+
+
+def _scenario(parent: etree._Element, spec: ScenarioSpec) -> None:
+    element = etree.SubElement(parent, "scenario", name=spec.name, type=spec.type)
+    x, y, z, yaw = spec.trigger
+    turned = number(float(np.degrees(yaw)) % 360.0)
+    etree.SubElement(element, "trigger_point", x=number(x), y=number(y), z=number(z), yaw=turned)
+    for name, value in spec.parameters.items():
+        etree.SubElement(element, name, value=value if isinstance(value, str) else f"{value:g}")
+
+
+def number(value: float) -> str:
+    """To the millimetre, without trailing zeros."""
+    text = f"{value:.3f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
