@@ -88,6 +88,7 @@ class Traffic:
             hops=np.zeros(count, np.int64),
             driver=np.zeros((count, 5)),
             committed=np.full(count, -1, np.int32),
+            halted=np.full(count, -1, np.int32),
         )
         for i in range(count):
             actor_id = int(ActorIds.TRAFFIC) + i

@@ -24,12 +24,16 @@ _SAMPLE = 1.5  # [m] between the points of a path that are looked at
 _LATERAL_ACCELERATION = 2.0  # [m/s²] in bends
 _HARD_BRAKE = 8.0  # [m/s²]
 _SIDE_MARGIN = 0.35  # [m] kept free on either side
+_CREEP_MARGIN = 0.1  # [m] the same for who has come to a stop: where there is room, it squeezes past
 _LINE_GAP = 1.0  # [m] between the bumper and a stop line
 _YELLOW_BRAKE = 3.5  # [m/s²] a driver stops at yellow if that much suffices
 _SIGNAL_RANGE = 30.0  # [m] before a junction at which the indicator is set, and others are looked at
 _STEER_LENGTH = 4.0  # [m] over which an error of position fades
 _UPSET_TICKS = 100  # after a contact a driver brakes for 5 s
 _LOST = 2.5  # [m] off its lane: pushed aside, the driver stays there
+
+_MAJOR, _YIELDS, _STOPS = 0, 1, 2
+_RANKS = {"yield": _YIELDS, "stop": _STOPS}
 
 _RED, _YELLOW, _GREEN = int(LightState.RED), int(LightState.YELLOW), int(LightState.GREEN)
 _LEFT, _RIGHT = int(RoadOption.LEFT), int(RoadOption.RIGHT)
@@ -41,7 +45,12 @@ _BRAKE_LIGHT, _LEFT_BLINKER, _RIGHT_BLINKER = (
 
 
 class Lanes(NamedTuple):
-    """The columns of `LaneTable` that drivers read, and `setback`: from the line to stop at to the lane's end [m]."""
+    """The columns of `LaneTable` that drivers read, and what signals and signs mean for them.
+
+    Attributes:
+        setback: (L,) from the line to stop at to the lane's end [m].
+        rank: (L,) who waits for whom at junctions without lights: `_MAJOR`, `_YIELDS` or `_STOPS`.
+    """
 
     first: NDArray[np.int32]
     step: NDArray[np.float64]
@@ -57,16 +66,20 @@ class Lanes(NamedTuple):
     conflict: NDArray[np.int32]
     conflict_u: NDArray[np.float64]
     setback: NDArray[np.float64]
+    rank: NDArray[np.int8]
 
 
 def lanes_of(town: TownMap) -> Lanes:
     """What drivers read of a town."""
-    columns = [np.ascontiguousarray(getattr(town.lanes, name)) for name in Lanes._fields[:-1]]
+    columns = [np.ascontiguousarray(getattr(town.lanes, name)) for name in Lanes._fields[:-2]]
     setback = np.zeros(len(town.lanes))
-    for light in town.lights:
-        for line in light.stop_lines:
-            setback[line.lane] = max(setback[line.lane], town.lanes.length[line.lane] - line.paint_u)
-    return Lanes(*[*columns, setback])
+    rank = np.full(len(town.lanes), _MAJOR, np.int8)
+    signs = [sign for sign in town.signs if sign.kind in _RANKS]
+    for sign in signs:
+        rank[list(sign.lanes)] = _RANKS[sign.kind]
+    for line in (line for post in (*town.lights, *signs) for line in post.stop_lines):
+        setback[line.lane] = max(setback[line.lane], town.lanes.length[line.lane] - line.paint_u)
+    return Lanes(*[*columns, setback, rank])
 
 
 class Fleet(NamedTuple):
@@ -81,6 +94,7 @@ class Fleet(NamedTuple):
         hops: (V,) branches drawn so far.
         driver: (V, 5) `Driver`: speed factor, headway, smallest gap, acceleration, deceleration.
         committed: (V,) junction lane that the driver has decided to enter, -1.
+        halted: (V,) junction lane before whose stop sign it has stood, -1.
     """
 
     row: NDArray[np.int64]
@@ -91,6 +105,7 @@ class Fleet(NamedTuple):
     hops: NDArray[np.int64]
     driver: NDArray[np.float64]
     committed: NDArray[np.int32]
+    halted: NDArray[np.int32]
 
 
 class Approaches(NamedTuple):
@@ -250,8 +265,8 @@ def _exit_of(lanes: Lanes, fleet: Fleet, i: int, k: int) -> int:
 def _must_yield(lanes: Lanes, fleet: Fleet, boxes: Boxes, near: Approaches, i: int, target: int) -> bool:
     """Whether vehicle `i` has to let somebody pass before it enters junction lane `target`.
 
-    Whoever is inside on a crossing lane goes first. Without lights the nearer one goes, ties by number; with lights
-    only a left turn waits for oncoming traffic.
+    Whoever is inside on a crossing lane goes first. Without lights whoever can't stop any more comes next, then who has
+    no stop or yield sign, then the nearest, ties by number; with lights only a left turn waits for oncoming traffic.
     """
     signalled = lanes.light[target] >= 0
     for e in range(lanes.conflict_first[target], lanes.conflict_first[target + 1]):
@@ -261,16 +276,29 @@ def _must_yield(lanes: Lanes, fleet: Fleet, boxes: Boxes, near: Approaches, i: i
             if k != i:
                 row = fleet.row[k]
                 if near.distance[k] < 0.0:
-                    if fleet.u[k] - boxes.half[row, 0] < _conflict_end(lanes, other_lane, target):
+                    cleared = fleet.lane[k] == other_lane  # else only its front is inside
+                    if not cleared or fleet.u[k] - boxes.half[row, 0] < _conflict_end(lanes, other_lane, target):
                         return True
                 elif signalled:
                     coming = fleet.committed[k] == other_lane and near.distance[k] < 20.0
                     if coming and lanes.turn[target] == _LEFT and lanes.turn[other_lane] != _LEFT:
                         return True
-                elif near.ready[k] and (near.distance[k], k) < (near.distance[i], i):
+                elif fleet.committed[k] == other_lane or (
+                    near.ready[k] and _goes_first(lanes, near, k, other_lane, i, target)
+                ):
                     return True
             k = near.follow[k]
     return False
+
+
+@kernel
+def _goes_first(lanes: Lanes, near: Approaches, k: int, lane_k: int, i: int, lane_i: int) -> bool:
+    """Whether vehicle `k` on its way to junction lane `lane_k` goes before `i` on its way to `lane_i`."""
+    if lanes.rank[lane_k] == _MAJOR and lanes.rank[lane_i] != _MAJOR:
+        return True
+    if lanes.rank[lane_k] != _MAJOR and lanes.rank[lane_i] == _MAJOR:
+        return False
+    return (near.distance[k], k) < (near.distance[i], i)
 
 
 @kernel
@@ -315,6 +343,10 @@ def _line_distance(
         return max(gap, 0.0)
     if ahead > _SIGNAL_RANGE:
         return np.inf
+    if light < 0 and lanes.rank[target] == _STOPS and fleet.halted[i] != target:
+        if speed < 0.1 and gap < 1.0:
+            fleet.halted[i] = target
+        return max(gap, 0.0)
     if not _has_room(lanes, fleet, boxes, near, i, target):
         return max(gap, 0.0)
     if _must_yield(lanes, fleet, boxes, near, i, target):
@@ -330,7 +362,8 @@ def _look_ahead(
 ) -> tuple[float, float, float]:
     """Gap to the leader [m], its speed [m/s], and the speed that bends and limits ahead allow now [m/s]."""
     row = fleet.row[i]
-    half, margin = boxes.half[row, 0], boxes.half[row, 1] + _SIDE_MARGIN
+    half = boxes.half[row, 0]
+    margin = boxes.half[row, 1] + (_SIDE_MARGIN if speed > 1.0 else _CREEP_MARGIN)
     horizon = half + 8.0 + 2.0 * speed + speed * speed / 4.0
     lane, u, k = fleet.lane[i], fleet.u[i], 0
     factor = fleet.driver[i, 0]

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_map import TownMap, load_town, town_names
 from lavsim.random import Draws
 from lavsim.traffic.drivers import draw_driver
 from lavsim.traffic.obstacles import Boxes, fill_grid, make_grid, obstacle_at
 from lavsim.traffic.population import Traffic
 from lavsim.traffic.vehicles import idm_acceleration
-from lavsim.types import DT, Control, LaneType, LightState, Role
+from lavsim.types import DT, Control, LightState, Role
 from lavsim.world.blueprints import BLUEPRINTS
 from lavsim.world.lights import TrafficLights
 from lavsim.world.snapshot import HAZARD_DTYPE, Snapshot
@@ -100,16 +100,12 @@ def test_a_driver_depends_on_its_id_alone() -> None:
 
 
 class Town:
-    """`eu_small_a` with traffic and an ego that stands."""
+    """A town with traffic, and an ego that stands far from all roads."""
 
-    def __init__(self, count: int, seed: int = 0) -> None:
-        self.town: TownMap = load_town("eu_small_a")
-        lanes = self.town.lanes
-        lane = int(np.flatnonzero((lanes.type == LaneType.DRIVING) & (lanes.junction < 0) & (lanes.length > 50.0))[0])
-        start = self.town.waypoint_at(lane, 25.0)
+    def __init__(self, count: int, seed: int = 0, name: str = "eu_small_a") -> None:
+        self.town: TownMap = load_town(name)
         self.world = World()
-        ego = BLUEPRINTS["vehicle.lincoln.mkz_2017"]
-        self.world.spawn(1, ego, np.array([start.x, start.y, start.z]), start.yaw, Role.EGO)
+        self.world.spawn(1, BLUEPRINTS["vehicle.lincoln.mkz_2017"], np.array([-5e3, -5e3, 0.0]), 0.0, Role.EGO)
         self.lights = TrafficLights(len(self.town.lights), self.town.light_groups)
         self.traffic = Traffic(self.town, self.world, Draws.of_seed(seed), count)
 
@@ -134,6 +130,33 @@ def test_five_minutes_of_traffic_without_contact_on_its_lanes_and_moving() -> No
             assert np.abs(hits.offset).max() < 0.3
     assert np.median(driven[1:]) > 300.0
     assert (driven[1:] > 20.0).all() or np.sum(driven[1:] < 20.0) <= 2
+
+
+@pytest.mark.parametrize("name", town_names())
+def test_ninety_seconds_of_dense_traffic_without_contact(name: str) -> None:
+    scene = Town(100, name=name)
+    for _ in range(1800):
+        snapshot = scene.tick()
+        assert not len(snapshot.contacts), snapshot.contacts
+    assert snapshot.speeds.mean() > 1.0
+
+
+def test_who_comes_to_a_stop_sign_stands_before_it_goes() -> None:
+    scene = Town(100, name="us_rural")
+    stops = [lane for sign in scene.town.signs if sign.kind == "stop" for lane in sign.lanes]
+    fleet = scene.traffic._fleet
+    stood = np.full(len(fleet.lane), -1000)
+    before = fleet.lane.copy()
+    passed = 0
+    for tick in range(2400):
+        snapshot = scene.tick()
+        stood[snapshot.speeds[1:] < 0.15] = tick
+        for i in np.flatnonzero((fleet.lane != before) & np.isin(fleet.lane, stops)):
+            if tick > 400:  # some were spawned behind the line
+                passed += 1
+                assert tick - stood[i] < 200, "it stood at the line within the last ten seconds"
+        before = fleet.lane.copy()
+    assert passed > 10
 
 
 def test_nobody_enters_a_junction_at_red() -> None:
