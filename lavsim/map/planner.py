@@ -10,6 +10,9 @@ This reproduces CARLA's `agents/navigation/global_route_planner.py` (0.9.10 to t
 - The decision at a crossing is remembered from one pair of key points to the next; a key point inside a junction leaves
   the rest of that crossing, and sometimes the next one, without a command.
 - A search starts where the lane of the first key point begins and may take another branch from there.
+
+One thing CARLA leaves to chance: which of the lanes of a junction that run over each other a key point belongs to. Here
+it is the one that makes the way from the key point before to the one after it shortest.
 """
 
 from __future__ import annotations
@@ -36,6 +39,7 @@ Place = tuple[float, float, float]
 
 RESOLUTION = 1.0  # [m] hop of the leaderboard's dense routes
 MAX_OFF_ROAD = 10.0  # [m] a key point farther from any driving lane is a mistake in the route file
+TIE = 5e-4  # [m] lanes of a junction whose distances differ by less are equally near
 CHANGE_AHEAD = 5  # points by which a lane change jumps ahead on the neighbouring lane
 
 
@@ -256,6 +260,41 @@ class RoutePlanner:
             found.append(Waypoint(self.town, int(hits.lane[k]), float(hits.u[k])))
         return found
 
+    def _settle(self, places: list[Waypoint], keypoints: Floats) -> list[Waypoint]:
+        """The places, each that is as near to other lanes of its junction on the lane that makes the way shortest."""
+        settled = list(places)
+        for k in range(1, len(places) - 1):
+            choices = self._equally_near(places[k], keypoints[k]) if places[k].is_junction else []
+            if len(choices) > 1:
+                settled[k] = min(choices, key=lambda place: self._around(settled[k - 1], place, places[k + 1]))
+        return settled
+
+    def _equally_near(self, place: Waypoint, point: Floats) -> list[Waypoint]:
+        """`place` and the places on other lanes of its junction that are as near to `point`."""
+        found = []
+        for lane in self.town.junctions[place.junction].lanes:
+            if lane in self._nodes_of:
+                line = self.town.lanes.centre_line(lane)[:, :3]
+                along = np.diff(line, axis=0)
+                share = np.sum((point - line[:-1]) * along, axis=1) / np.maximum(np.sum(along**2, axis=1), 1e-12)
+                share = np.clip(share, 0.0, 1.0)
+                off = np.sqrt(np.sum((line[:-1] + share[:, None] * along - point) ** 2, axis=1))
+                row = int(np.argmin(off))
+                u = float((row + share[row]) * self.town.lanes.step[lane])
+                on_lane = self.town.centre(lane, u)[0, :3]  # on the curve; the chord may lie some millimetres beside it
+                found.append((float(np.linalg.norm(on_lane - point)), Waypoint(self.town, lane, u)))
+        nearest = min(off for off, _ in found)
+        rivals = [other for off, other in found if off < nearest + TIE and other.lane != place.lane]
+        return [place, *rivals]
+
+    def _around(self, before: Waypoint, place: Waypoint, after: Waypoint) -> float:
+        """Length of the ways to and from a place, in points."""
+        try:
+            ways = [self.search(before.lane, place.lane), self.search(place.lane, after.lane)]
+        except RouteError:
+            return float("inf")
+        return sum(float(nx.path_weight(self.graph, way, "length")) for way in ways)
+
     def search(self, start: int, goal: int) -> list[Node]:
         """Nodes from where lane `start` begins to where lane `goal` ends.
 
@@ -358,7 +397,7 @@ class RoutePlanner:
         keypoints = np.array(keypoints, dtype=np.float64)
         if keypoints.ndim != 2 or keypoints.shape[1] != 3 or len(keypoints) < 2:
             raise RouteError(f"a route needs two or more waypoints (x, y, z), got an array of shape {keypoints.shape}.")
-        places = self.locate(keypoints)
+        places = self._settle(self.locate(keypoints), keypoints)
         memory = TurnMemory() if memory is None else memory
         parts, commands = [], []
         for k in range(len(places) - 1):

@@ -241,6 +241,25 @@ def test_a_key_point_inside_a_crossing_costs_the_command_as_in_carla() -> None:
     assert route.command[behind] == F
 
 
+def test_a_key_point_where_lanes_of_a_crossing_run_together_causes_no_detour() -> None:
+    town = load_town("eu_small_a")
+    lanes, planner = town.lanes, get_planner(town)
+    merging = 0
+    for after in lanes.where(int(LaneType.DRIVING)).tolist():
+        ways = lanes.predecessors(after).tolist()
+        if len(ways) < 2 or lanes.junction[ways[0]] < 0 or lanes.length[after] < 40.0 or merging > 20:
+            continue
+        together = town.waypoint_at(ways[0], float(lanes.length[ways[0]]) - 0.05).xyz
+        target = town.waypoint_at(after, 30.0).xyz
+        for way in ways:
+            before = int(lanes.predecessors(way)[0])
+            start = town.waypoint_at(before, float(lanes.length[before]) / 2.0).xyz
+            direct, through = planner.trace([start, target]), planner.trace([start, together, target])
+            assert through.length == pytest.approx(direct.length, abs=3.0)
+            merging += 1
+    assert merging > 20
+
+
 @pytest.mark.parametrize(("window", "reached"), [(5, 5), (20, 20)])
 def test_the_tracker_looks_no_farther_than_its_window(window: int, reached: int) -> None:
     tracker = RouteTracker(of_commands((F, 80)), window)
