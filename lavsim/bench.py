@@ -1,6 +1,6 @@
 """The figures of the performance budget on this machine (`lavsim bench`).
 
-The scene is `eu_small_a` with 40 vehicles. Everything runs on one core, and each figure is the median of several
+The scene is `us_large_a` with 100 vehicles (walkers join it once towns have them). Everything runs on one core, and each figure is the median of several
 rounds, because machines are noisy.
 """
 
@@ -22,8 +22,8 @@ from lavsim.sensors.suites import SUITES
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control
 
-TOWN = "eu_small_a"
-VEHICLES = 40
+TOWN = "us_large_a"
+VEHICLES = 100
 _ROUNDS = 5
 _WARM_UP = 100  # ticks, until traffic moves
 
