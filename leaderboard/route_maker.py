@@ -45,7 +45,7 @@ FROM_END = 12.0  # [m] of the first and last lane that start and goal keep clear
 CHANGE_LANE = 60.0  # [m] shortest lane on which lanes are changed
 CHANGE_CHANCE = 0.35
 LENGTHS = 4  # classes of length that routes are made of in turn
-WAYS_A_ROUTE = 60  # ways to choose each route from
+WAYS_A_ROUTE = 200  # ways to choose each route from
 LONGEST_WAY = 500  # lanes
 
 
@@ -296,7 +296,7 @@ def _worth(town: TownMap, way: Way, seen: set[int], told: Counter[RoadOption]) -
         elif after == town.lanes.right[before]:
             commands.add(RoadOption.CHANGELANERIGHT)
     rare = sum(1.0 / (1 + told[command]) for command in commands)
-    return fresh / 1000.0 + 0.5 * rare
+    return fresh / 1000.0 + 0.2 * rare
 
 
 def _driven(town: TownMap, planner: RoutePlanner, way: Way, wish: RouteWish) -> Route | None:
