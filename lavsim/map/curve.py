@@ -57,14 +57,26 @@ class Spiral:
         return xy[:, 0], xy[:, 1], heading, self.start + self.rate * ds, np.ones_like(ds)
 
 
+Coefficients = tuple[float, float, float, float]
+
+
+def _value(c: Coefficients, p: Floats) -> Floats:
+    return c[0] + p * (c[1] + p * (c[2] + p * c[3]))
+
+
+def _slope(c: Coefficients, p: Floats) -> Floats:
+    return c[1] + p * (2.0 * c[2] + p * (3.0 * c[3]))
+
+
+def _bend(c: Coefficients, p: Floats) -> Floats:
+    return 2.0 * c[2] + 6.0 * c[3] * p
+
+
 class CubicCurve:
     """u(p), v(p) as cubics, followed by arc length."""
 
     def __init__(self, cubic: Cubic, length: float) -> None:
-        self.u = np.polynomial.Polynomial(cubic.u)
-        self.v = np.polynomial.Polynomial(cubic.v)
-        self.du, self.dv = self.u.deriv(), self.v.deriv()
-        self.ddu, self.ddv = self.du.deriv(), self.dv.deriv()
+        self.u, self.v = cubic.u, cubic.v
         count = int(min(max(8.0, np.ceil(length / CUBIC_CELL)), MOST_CELLS))
         self.p = np.linspace(0.0, cubic.end, count + 1)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -79,7 +91,7 @@ class CubicCurve:
 
     def _length(self, low: Floats, high: Floats) -> Floats:
         at = low[:, None] + (high - low)[:, None] * _GAUSS_X
-        return np.asarray((np.hypot(self.du(at), self.dv(at)) * _GAUSS_W).sum(axis=1) * (high - low))
+        return np.asarray((np.hypot(_slope(self.u, at), _slope(self.v, at)) * _GAUSS_W).sum(axis=1) * (high - low))
 
     def parameter(self, along: Floats) -> Floats:
         """p after `along` metres of true arc length."""
@@ -89,7 +101,7 @@ class CubicCurve:
         span = self.along[cell + 1] - self.along[cell]
         p = low + (high - low) * rest / np.maximum(span, 1e-12)
         for _ in range(4):
-            slope = np.maximum(np.hypot(self.du(p), self.dv(p)), 1e-9)
+            slope = np.maximum(np.hypot(_slope(self.u, p), _slope(self.v, p)), 1e-9)
             p = np.clip(p + (rest - self._length(low, p)) / slope, low, high)
         return p
 
@@ -97,11 +109,11 @@ class CubicCurve:
         """x, y, heading, dheading/ds and |dr/ds| at `ds`; straight on beyond its ends."""
         along = ds * self.stretch
         p = self.parameter(along)
-        du, dv = self.du(p), self.dv(p)
+        du, dv = _slope(self.u, p), _slope(self.v, p)
         speed = np.maximum(np.hypot(du, dv), 1e-9)
-        bend = (du * self.ddv(p) - dv * self.ddu(p)) / speed**3
+        bend = (du * _bend(self.v, p) - dv * _bend(self.u, p)) / speed**3
         beyond = along - np.clip(along, 0.0, self.total)
-        x, y = self.u(p) + beyond * du / speed, self.v(p) + beyond * dv / speed
+        x, y = _value(self.u, p) + beyond * du / speed, _value(self.v, p) + beyond * dv / speed
         turning = np.clip(bend, -STEEPEST, STEEPEST) * self.stretch
         return x, y, np.arctan2(dv, du), turning, np.full_like(ds, self.stretch)
 
@@ -133,9 +145,13 @@ class ReferenceLine:
             curvature,
             np.ones_like(ds),
         )
-        for number, curve in self.curves.items():
-            mine = np.flatnonzero(row == number)
-            if len(mine):
+        if not self.curves:
+            return out
+        order = np.argsort(row, kind="stable")
+        numbers, first = np.unique(row[order], return_index=True)
+        for number, mine in zip(numbers.tolist(), np.split(order, first[1:]), strict=True):
+            curve = self.curves.get(number)
+            if curve is not None:
                 x0, y0, h0, _ = self.start[number]
                 u, v, turned, turning, stretch = curve(ds[mine])
                 out[0][mine] = x0 + u * np.cos(h0) - v * np.sin(h0)

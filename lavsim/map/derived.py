@@ -85,10 +85,11 @@ def derive(network: Network, shapes: dict[int, RoadShape], source: str) -> TownD
     report = Report()
     try:
         lanes = build_lanes(network, shapes, network.junctions, speed_signs(network), report)
+        lights, governing = build_lights(network, shapes, lanes)
+        signs, guarding = build_signs(network, shapes, lanes)
     except MapError as error:
-        raise MapError(f"{source}, {error}") from None
-    lights, governing = build_lights(network, shapes, lanes)
-    signs, guarding = build_signs(network, shapes, lanes)
+        text = str(error)
+        raise MapError(f"{source}{',' if text.startswith('line ') else ':'} {text}") from None
     lanes = replace(lanes, light=governing, sign=guarding)
     return TownData(
         lanes=lanes,

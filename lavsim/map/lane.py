@@ -7,6 +7,7 @@ the coordinate is `u`: metres travelled along the lane's centre line in plan, fr
 from __future__ import annotations
 
 import heapq
+from bisect import bisect_left, bisect_right
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from lavsim.errors import MapError
 from lavsim.geometry import wrap_angle
+from lavsim.kernel import kernel
 from lavsim.map.curve import ReferenceLine
 from lavsim.map.links import LaneLinks, Report
 from lavsim.map.opendrive import JunctionRecord, LaneRecord, Network, Polynomial, RoadRecord, SectionRecord, SpeedRecord
@@ -27,8 +29,11 @@ Ints = NDArray[np.int32]
 
 STEP = 0.5  # [m] largest spacing of centre points; a chord over it on a 2.7 m radius lies 1.2 cm off the arc
 MAX_GAP = 1.0  # [m] between linked lanes that nobody drives on
-MOST_POINTS = 4_000_000  # centre points of a town, 2,000 lane-km; more is a broken file
+MOST_POINTS = 2_000_000  # centre points of a town, 1,000 lane-km; more is a broken file
+TOO_LONG = f"the map has more than {MOST_POINTS * STEP / 1000.0:.0f} km of lanes; that is no town."
+MOST_LIMITS = 50_000  # speed signs times the lanes for which they count
 MOST_JUNCTION_POINTS = 20_000  # 10 km of lanes in one junction
+MOST_JUNCTION_WORK = 2_000_000_000  # squares of that, over all junctions
 STEEPEST_BANK = 1.4  # [rad]
 SHORTEST = 1e-3  # [m] sections below this are slips of the drawing tool and carry no lane
 CHANGE_RIGHT, CHANGE_LEFT = 1, 2  # bits of `LaneTable.change`, CARLA's LaneChange
@@ -440,7 +445,8 @@ def _pieces(network: Network, shapes: dict[int, RoadShape]) -> list[_Piece]:
     pieces = []
     planned = sum(road.length * max(len(section.lanes) for section in road.sections) for road in network.roads) / STEP
     if planned > MOST_POINTS:
-        raise MapError(f"{network.name or 'the map'} has {planned * STEP / 1000.0:.0f} km of lanes; that is no town.")
+        raise MapError(TOO_LONG)
+    total = 0
     for road in network.roads:
         shape = shapes[road.id]
         for index in range(len(road.sections)):
@@ -457,6 +463,9 @@ def _pieces(network: Network, shapes: dict[int, RoadShape]) -> list[_Piece]:
                     piece = _measure(section, index, lane, nodes, curvature, stretch)
                     if piece.length > SHORTEST and np.isfinite(piece.points).all():
                         pieces.append(piece)
+                        total += len(piece.points)
+                        if total > MOST_POINTS:
+                            raise MapError(f"line {road.line}: {TOO_LONG}")
     return pieces
 
 
@@ -542,14 +551,14 @@ def _turns(
     return turn
 
 
-def _meet(own: Floats, cloud: Floats, reach: float) -> NDArray[np.bool_]:
-    """(n, m) whether points lie within `reach` in plan and `CLEAR_HEIGHT` in z."""
-    near = np.empty((len(own), len(cloud)), np.bool_)
-    for k in range(0, len(own), 256):
-        part = own[k : k + 256]
-        apart = (part[:, None, 0] - cloud[None, :, 0]) ** 2 + (part[:, None, 1] - cloud[None, :, 1]) ** 2
-        near[k : k + 256] = (apart < reach**2) & (np.abs(part[:, None, 2] - cloud[None, :, 2]) < CLEAR_HEIGHT)
-    return near
+@kernel
+def _meet(own: Floats, cloud: Floats, owner: Ints, reach: float, near: NDArray[np.bool_]) -> None:
+    """Sets `near` (n, lanes) where a point of `own` has one of a lane within `reach` in plan, `CLEAR_HEIGHT` in z."""
+    for i in range(len(own)):
+        for k in range(len(cloud)):
+            dx, dy = own[i, 0] - cloud[k, 0], own[i, 1] - cloud[k, 1]
+            if dx**2 + dy**2 < reach**2 and abs(own[i, 2] - cloud[k, 2]) < CLEAR_HEIGHT:
+                near[i, owner[k]] = True
 
 
 def _conflicts(
@@ -569,6 +578,7 @@ def _conflicts(
     reach = 2.0 * SWEPT_HALF_WIDTH
     found: list[tuple[int, int]] = []
     spans: list[tuple[float, float]] = []
+    work = 0
     for number in range(int(junction.max(initial=-1)) + 1):
         lanes = np.flatnonzero((junction == number) & ((types & int(LaneType.DRIVING)) > 0))
         rows = [np.arange(first[k], first[k + 1]) for k in lanes]
@@ -577,20 +587,24 @@ def _conflicts(
         if sum(map(len, rows)) > MOST_JUNCTION_POINTS:
             total = sum(map(len, rows)) * STEP / 1000.0
             raise MapError(f"the junction of road {road_id[lanes[0]]} has {total:.3g} km of lanes; check their widths.")
-        everything, owner = np.concatenate(rows), np.repeat(np.arange(len(lanes)), [len(r) for r in rows])
+        work += sum(map(len, rows)) ** 2
+        if work > MOST_JUNCTION_WORK:
+            raise MapError("the map has too many junctions with too many lanes each; that is no town.")
+        everything = np.concatenate(rows)
+        owner = np.repeat(np.arange(len(lanes), dtype=np.int32), [len(r) for r in rows])
         cloud = points[everything]
         for a, lane in enumerate(lanes):
             low, high = points[rows[a]].min(axis=0) - reach, points[rows[a]].max(axis=0) + reach
             around = ((cloud[:, :2] >= low[:2]) & (cloud[:, :2] <= high[:2])).all(axis=1)
-            near = _meet(points[rows[a]], cloud[around], reach)
-            nearby = owner[around]
-            for b in np.unique(nearby[near.any(axis=0)]):
+            near = np.zeros((len(rows[a]), len(lanes)), np.bool_)
+            _meet(points[rows[a]], cloud[around], owner[around], reach, near)
+            for b in np.flatnonzero(near.any(axis=0)):
                 other = int(lanes[b])
                 if other == lane or (lane, other) in chained or (other, lane) in chained:
                     continue
                 if before.get(int(lane), set()) & before.get(other, set()):
                     continue
-                at = np.flatnonzero(near[:, nearby == b].any(axis=1))
+                at = np.flatnonzero(near[:, b])
                 found.append((int(lane), other))
                 spans.append((float(at[0] * step[lane]), float(at[-1] * step[lane])))
     order = sorted(range(len(found)), key=lambda k: found[k])
@@ -622,17 +636,13 @@ def build_lanes(
     """
     pieces = _pieces(network, shapes)
     if not pieces:
-        raise MapError(f"{network.name or 'the map'} has no lane of any length.")
+        raise MapError("the map has no lane of any length.")
     count = len(pieces)
     index = {(p.road.id, p.section, p.lane.id): k for k, p in enumerate(pieces)}
     number_of = {junction.id: k for k, junction in enumerate(junctions)}
     types = np.array([int(LANE_TYPES.get(p.lane.kind, LaneType.NONE)) for p in pieces], np.int32)
     junction = np.array([number_of.get(p.road.junction, -1) for p in pieces], np.int32)
     sizes = np.array([len(p.points) for p in pieces])
-    if sizes.sum() > MOST_POINTS:
-        raise MapError(
-            f"{network.name or 'the map'} has {sizes.sum() * STEP / 1000.0:.0f} km of lanes; that is no town."
-        )
     first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
     points = np.concatenate([p.points for p in pieces])
     length = np.array([p.length for p in pieces])
@@ -690,6 +700,10 @@ def build_lanes(
     )
 
 
+def _at(sign: tuple[float, tuple[tuple[int, int], ...], float]) -> float:
+    return sign[0]
+
+
 def _limit_steps(speeds: Sequence[SpeedRecord], low: float, high: float, forward: bool) -> list[tuple[float, float]]:
     """(share of the lane travelled, limit [m/s] from there on) between s `low` and `high`."""
     inside = [speed for speed in speeds if speed.s < high]
@@ -719,13 +733,19 @@ def _speed_limits(
     own = np.full(count, np.nan)  # over the longest part of the lane
     leaving = np.full(count, np.nan)  # at its end
     along_lane: list[list[tuple[float, float]]] = []
+    standing = {road: sorted(signs, key=_at) for road, signs in limits.items()}
+    told = 0
     for k, piece in enumerate(pieces):
         records: list[tuple[float, float]] = []  # (share of the lane travelled, limit)
         low, high = piece.shape.start, piece.shape.end
-        for s, ranges, limit in limits.get(piece.road.id, []):
-            if low <= s <= high and any(a <= piece.lane.id <= b for a, b in ranges):
+        signs = standing.get(piece.road.id, [])
+        for s, ranges, limit in signs[bisect_left(signs, low, key=_at) : bisect_right(signs, high, key=_at)]:
+            if any(a <= piece.lane.id <= b for a, b in ranges):
                 share = (s - low) / (high - low)
                 records.append((share if piece.forward else 1.0 - share, limit))
+        told += len(records)
+        if told > MOST_LIMITS:
+            raise MapError(f"line {piece.road.line}: too many speed signs over too many lanes; that is no town.")
         if not limits:
             own_speeds = [SpeedRecord(low + speed.s, speed.limit) for speed in piece.lane.speeds]
             records = _limit_steps(own_speeds or piece.road.speeds, low, high, piece.forward)

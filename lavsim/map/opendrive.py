@@ -24,8 +24,10 @@ SPEED_UNITS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "mph": 0.44704, 
 MAX_COORDINATE = 1e6  # [m] a town farther out than this, or a road longer, is a broken file
 MAX_CURVATURE = 10.0  # [1/m]
 MAX_BYTES = 64_000_000  # of a file; Town04 has 3.4 million
-MAX_LANES = 30_000  # lane pieces of a file; Town04 has 924
-MAX_THINGS = 100_000  # signals, references and objects of a file
+MAX_LANES = 20_000  # lane pieces of a file; Town04 has 924
+MAX_LANE_SUMS = 500_000  # squares of the number of lanes, over all sections
+MAX_CURVES = 10_000  # spirals and cubics of a file
+MAX_THINGS = 50_000  # signals, references and objects of a file
 MAX_RECORDS = 1_000_000  # polynomials and marks of a file
 UNKNOWN_ID = 2**30  # numbers from here on stand for names of things that the file lacks
 
@@ -359,7 +361,8 @@ class _Reader:
         self.skipped: Counter[str] = Counter()
         self.repairs: list[str] = []
         self.numbers: dict[str, dict[str, int]] = {}
-        self.budget = {"lanes": MAX_LANES, "things": MAX_THINGS, "records": MAX_RECORDS}
+        self.budget = {"lanes": MAX_LANES, "lane sums": MAX_LANE_SUMS, "things": MAX_THINGS, "records": MAX_RECORDS}
+        self.budget["curves"] = MAX_CURVES
 
     def fail(self, element: etree._Element | None, message: str) -> MapError:
         line = f", line {element.sourceline}" if element is not None and element.sourceline else ""
@@ -374,13 +377,16 @@ class _Reader:
             root = etree.fromstring(raw, parser)
         except etree.XMLSyntaxError as error:
             line = error.position[0] if error.position else 0
-            raise MapError(f"{self.source}, line {line}: not well-formed XML: {error.msg}.") from None
+            words = " ".join(str(error.msg).split())
+            raise MapError(f"{self.source}, line {line}: not well-formed XML: {words}.") from None
         except ValueError as error:  # a text with an encoding declaration of its own, NUL bytes …
             raise MapError(f"{self.source}: not readable as XML: {error}.") from None
         if root.getroottree().docinfo.internalDTD is not None:
             raise self.fail(root, "a document type (DTD, entities) is not accepted in a map")
         if root.tag != "OpenDRIVE":
             raise self.fail(root, f"expected the root element OpenDRIVE, got {str(root.tag)[:60]!r}")
+        if len(root) > MAX_RECORDS:
+            raise self.fail(root, f"<OpenDRIVE> holds {len(root)} elements; that is no town")
         self._number_ids(root)
         header = root.find("header")
         reference = header.findtext("geoReference") if header is not None else None
@@ -440,9 +446,14 @@ class _Reader:
         """Counts against a bound on the size of maps."""
         self.budget[what] -= count
         if self.budget[what] < 0:
-            most = {"lanes": MAX_LANES, "things": MAX_THINGS, "records": MAX_RECORDS}[what]
-            name = {"lanes": "lane pieces", "things": "signals and objects", "records": "widths, marks and profiles"}
-            raise self.fail(element, f"more than {most} {name[what]}; that is no town")
+            words = {
+                "lanes": f"more than {MAX_LANES} lane pieces",
+                "lane sums": "too many sections with too many lanes each",
+                "curves": f"more than {MAX_CURVES} spirals and cubics",
+                "things": f"more than {MAX_THINGS} signals and objects",
+                "records": f"more than {MAX_RECORDS} widths, marks and profiles",
+            }
+            raise self.fail(element, f"{words[what]}; that is no town")
 
     def _unique(self, root: etree._Element, kind: str, ids: list[int]) -> None:
         twice = [i for i, count in Counter(ids).items() if count > 1]
@@ -450,6 +461,8 @@ class _Reader:
             raise self.fail(root, f"{kind} id {twice[0]} is used {Counter(ids)[twice[0]]} times")
 
     def _skip(self, element: etree._Element, known: set[str]) -> None:
+        if len(element) > MAX_RECORDS:
+            raise self.fail(element, f"<{element.tag}> holds {len(element)} elements; that is no town")
         for child in element:
             if isinstance(child.tag, str) and child.tag not in known and child.tag not in _QUIET:
                 self.skipped[f"<{child.tag[:60]}> in <{element.tag}>"] += 1
@@ -601,6 +614,7 @@ class _Reader:
             return Geometry(*place)
         if shape.tag == "arc":
             return Geometry(*place, self.curvature(shape, "curvature"))
+        self.spend(element, "curves")
         if shape.tag == "spiral":
             start, end = self.curvature(shape, "curvStart"), self.curvature(shape, "curvEnd")
             geometry = Geometry(*place, start, end)
@@ -629,6 +643,7 @@ class _Reader:
     def section(self, element: etree._Element) -> SectionRecord:
         lanes = [self.lane(e) for side in ("left", "center", "right") for e in element.iterfind(f"{side}/lane")]
         self.spend(element, "lanes", len(lanes))
+        self.spend(element, "lane sums", len(lanes) ** 2)
         ids = [lane.id for lane in lanes]
         if len(set(ids)) != len(ids):
             raise self.fail(element, "a lane section holds a lane id twice")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lavsim.errors import MapError
 from lavsim.map.lane import LaneTable, RoadShape
 from lavsim.map.opendrive import JunctionRecord, Network, ObjectRecord, RoadRecord, SignalRecord, Validity
 from lavsim.types import LaneType
@@ -25,6 +26,7 @@ CUBE_SHARE = 0.45  # half side of the trigger cube of stop and yield signs, and 
 SPEED_CUBE_SHARE = 0.35  # the same of speed signs
 STOP_STEP = 0.5  # [m] the leaderboard's walk to the stop waypoint
 PAINT_RANGE = 15.0  # [m] a painted stop line farther before the junction belongs to something else
+MOST_GOVERNED = 20_000  # signals times the lanes for which they count; Town04 has some 200
 STOP_LINE_NAMES = ("StopLine", "SolidSingleWhite")
 _SPEED_NAME = re.compile(r"[Ss]peed_(\d+(?:\.\d+)?)")
 
@@ -245,19 +247,27 @@ class _Governing:
 
     def __init__(self, lanes: LaneTable) -> None:
         self.lanes = lanes
-        self.by_road: dict[int, list[int]] = {}
+        by_road: dict[int, list[int]] = {}
         for lane in lanes.where(int(LaneType.DRIVING)):
-            self.by_road.setdefault(int(lanes.road_id[lane]), []).append(int(lane))
+            by_road.setdefault(int(lanes.road_id[lane]), []).append(int(lane))
+        self.arrays = {road: np.array(members) for road, members in by_road.items()}
+        self.low, self.high = np.minimum(lanes.s_start, lanes.s_end), np.maximum(lanes.s_start, lanes.s_end)
+        self.left = MOST_GOVERNED
 
     def at(self, places: Sequence[_Place]) -> list[tuple[int, float]]:
         """Driving lanes at `places`, and where on them [m]."""
         lanes, found = self.lanes, []
         for place in places:
-            for lane in self.by_road.get(place.road.id, ()):
-                low, high = sorted((lanes.s_start[lane], lanes.s_end[lane]))
-                inside = any(a <= lanes.lane_id[lane] <= b for a, b in place.ranges)
-                if inside and low - 1e-6 <= place.s <= high + 1e-6:
+            members = self.arrays.get(place.road.id)
+            if members is None:
+                continue
+            there = (self.low[members] - 1e-6 <= place.s) & (place.s <= self.high[members] + 1e-6)
+            for lane in members[there].tolist():
+                if any(a <= lanes.lane_id[lane] <= b for a, b in place.ranges):
                     found.append((lane, lanes.u_of_s(lane, place.s)))
+            self.left -= len(found)
+            if self.left < 0:
+                raise MapError(f"line {place.road.line}: too many signals over too many lanes; that is no town.")
         return found
 
     def __call__(self, places: Sequence[_Place]) -> _Governed:
@@ -453,6 +463,9 @@ def _stop_line(lanes: LaneTable, lane: int, u: float, paint: NDArray[np.float64]
     x, y, _, yaw, _ = point_on(lanes, lane, u)
     width = width_on(lanes, lane, u)
     painted = u
+    end = lanes.points[lanes.first[lane + 1] - 1, :2]
+    if len(paint):
+        paint = paint[np.hypot(*(paint[:, :2] - end).T) < PAINT_RANGE + 2.0 + np.maximum(paint[:, 2], width)]
     if len(paint):
         points = lanes.centre_line(lane)[:, :2]
         near = int(np.ceil(PAINT_RANGE / float(lanes.step[lane]))) + 1
