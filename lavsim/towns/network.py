@@ -477,7 +477,11 @@ def _turn(node: Node, setback: float, heading: float, onward: float) -> Pen:
 
 def _fill(a: Arm, b: Arm, lane: int) -> float:
     """Pavement to the left of a way that no other way may cover: at wide crossings turns leave gaps between them."""
-    if a.section.is_one_way or b.section.is_one_way or (a.section.is_plain and b.section.is_plain):
+    one_way = [arm.section.lanes for arm in (a, b) if arm.section.is_one_way]
+    if one_way:  # to the left of a left turn there is a kerb
+        turns_right = wrap(b.heading - a.heading - math.pi) < -ON
+        return FILL if turns_right and min(one_way) > 1 else 0.0
+    if a.section.is_plain and b.section.is_plain:
         return 0.0
     if abs(wrap(b.heading - a.heading - math.pi)) < ON:
         beside = 2.0 * min(a.section.median, b.section.median) if lane == 0 else 0.0
