@@ -211,6 +211,7 @@ class Profile:
         self.is_constant = len(records) == 0 or (
             not self.coefficients[:, 1:].any() and bool(np.ptp(self.coefficients[:, 0]) == 0.0)
         )
+        self.first = float(self.coefficients[0, 0]) if len(records) else 0.0
 
     def __call__(self, s: Floats) -> tuple[Floats, Floats]:
         """Values and slopes at `s`; 0 without records."""
@@ -313,8 +314,12 @@ class SectionShape:
             if k in self.borders:
                 t, slope = self.borders[k](s)
             else:
-                width, change = self.widths[k](s)
-                t, slope = t + sign * width, slope + sign * change
+                profile = self.widths[k]
+                if profile.is_constant:
+                    t = t + sign * profile.first
+                else:
+                    width, change = profile(s)
+                    t, slope = t + sign * width, slope + sign * change
         return t, slope
 
     def centre(self, lane_id: int, s: Floats) -> tuple[Floats, Floats, Floats]:

@@ -47,6 +47,7 @@ ROADWAY = (
     | LaneType.PARKING
 )  # lanes that vehicles may be on
 MARK_SPACING = 1.0  # [m] between the points of a mark line
+MOST_STEPS = 50_000  # lanes passed in one search ahead or behind; rings of tiny lanes have no end
 DOUBLE_GAP = 0.12  # [m] from the middle of a double line to each of its lines
 
 
@@ -469,7 +470,9 @@ class Waypoint:
         lanes = self.town.lanes
         found: list[Waypoint] = []
         open_ends = [(self.lane, self.s, distance)]
-        while open_ends:
+        steps = 0
+        while open_ends and steps < MOST_STEPS:
+            steps += 1
             lane, s, rest = open_ends.pop(0)
             border = float(lanes.s_end[lane] if ahead else lanes.s_start[lane])
             left = abs(border - s)
@@ -488,13 +491,15 @@ class Waypoint:
         if distance <= 0.0:
             return self
         lanes, lane, u = self.town.lanes, self.lane, self.u + distance
-        while u > lanes.length[lane]:
+        for _ in range(MOST_STEPS):
+            if u <= lanes.length[lane]:
+                break
             following = lanes.successors(lane)
             if not len(following):
                 return Waypoint(self.town, lane, float(lanes.length[lane]))
             u -= float(lanes.length[lane])
             lane = int(following[0])
-        return Waypoint(self.town, lane, float(u))
+        return Waypoint(self.town, lane, float(min(u, lanes.length[lane])))
 
     def landmarks(self, distance: float, stop_at_junction: bool = False) -> list[Landmark]:
         """Landmarks that count for its lane within `distance` metres of s ahead, over all branches, each once.
