@@ -77,7 +77,7 @@ def lanes_of(town: TownMap) -> Lanes:
     signs = [sign for sign in town.signs if sign.kind in _RANKS]
     for sign in signs:
         rank[list(sign.lanes)] = _RANKS[sign.kind]
-    for line in (line for post in (*town.lights, *signs) for line in post.stop_lines):
+    for line in (line for posts in (town.lights, signs) for post in posts for line in post.stop_lines):
         setback[line.lane] = max(setback[line.lane], town.lanes.length[line.lane] - line.paint_u)
     return Lanes(*[*columns, setback, rank])
 
