@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lavsim.errors import MapError
 from lavsim.map.lane import LaneTable, RoadShape
-from lavsim.map.opendrive import JunctionRecord, Network, ObjectRecord, RoadRecord, SignalRecord, Validity
+from lavsim.map.opendrive import SPEED_UNITS, JunctionRecord, Network, ObjectRecord, RoadRecord, SignalRecord, Validity
 from lavsim.types import LaneType
 
 LIGHT_TYPES = {"1000001", "1000002", "1000009", "1000010", "1000011", "1000012", "1000013"}
@@ -182,7 +182,7 @@ def speed_of(thing: ObjectRecord | SignalRecord) -> float | None:
         match = _SPEED_NAME.match(thing.name)
         return float(match.group(1)) / 3.6 if match else None
     if thing.kind == SPEED_TYPE and thing.value > 0.0:
-        return thing.value * (0.44704 if thing.unit == "mph" else 1.0 / 3.6)
+        return thing.value * SPEED_UNITS.get(thing.unit.strip().lower() or "km/h", 1.0 / 3.6)
     return None
 
 
@@ -211,14 +211,15 @@ def _standing(network: Network) -> list[tuple[SignalRecord | ObjectRecord, RoadR
     for road in network.roads:
         for reference in road.references:
             ranges = lane_ranges(reference.validity, reference.orientation)
+            known = places.setdefault(reference.id, [])
             if ranges:
-                places.setdefault(reference.id, []).append(_Place(road, reference.s, ranges))
+                known.append(_Place(road, reference.s, ranges))
     found: list[tuple[SignalRecord | ObjectRecord, RoadRecord, list[_Place]]] = []
     for road in network.roads:
         for signal in road.signals:
             own = lane_ranges(signal.validity, signal.orientation)
             fallback = [_Place(road, signal.s, own)] if own else []
-            found.append((signal, road, places.get(signal.id) or fallback))
+            found.append((signal, road, places.get(signal.id, fallback)))
         found += [
             (o, road, [_Place(road, o.s, lane_ranges((), object_side(o)))])
             for o in road.objects
