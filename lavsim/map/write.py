@@ -8,6 +8,7 @@ from lxml import etree
 
 from lavsim.map.opendrive import (
     ControllerRecord,
+    Cubic,
     Geometry,
     JunctionRecord,
     LaneRecord,
@@ -61,6 +62,8 @@ def _add(parent: etree._Element, tag: str, **attributes: object) -> etree._Eleme
 
 def _road(root: etree._Element, road: RoadRecord) -> None:
     element = _add(root, "road", name=road.name, length=float(road.length), id=road.id, junction=road.junction)
+    if road.left_hand:
+        element.set("rule", "LHT")
     link = _add(element, "link")
     _link(link, "predecessor", road.predecessor)
     _link(link, "successor", road.successor)
@@ -71,7 +74,7 @@ def _road(root: etree._Element, road: RoadRecord) -> None:
     for geometry in road.geometry:
         _geometry(plan, geometry)
     _polynomials(_add(element, "elevationProfile"), "elevation", road.elevation or (Polynomial(0.0, 0.0),))
-    _add(element, "lateralProfile")
+    _lateral(_add(element, "lateralProfile"), road)
     lanes = _add(element, "lanes")
     _polynomials(lanes, "laneOffset", road.lane_offset or (Polynomial(0.0, 0.0),))
     for section in road.sections:
@@ -98,10 +101,33 @@ def _geometry(parent: etree._Element, geometry: Geometry) -> None:
     element = _add(
         parent, "geometry", s=float(g.s), x=float(g.x), y=float(g.y), hdg=float(g.heading), length=float(g.length)
     )
-    if g.curvature == 0.0:
+    if g.cubic is not None:
+        _cubic(element, g.cubic)
+    elif g.end_curvature is not None:
+        _add(element, "spiral", curvStart=float(g.curvature), curvEnd=float(g.end_curvature))
+    elif g.curvature == 0.0:
         _add(element, "line")
     else:
         _add(element, "arc", curvature=float(g.curvature))
+
+
+def _cubic(element: etree._Element, cubic: Cubic) -> None:
+    if cubic.open_ended:
+        _add(element, "poly3", **{key: float(value) for key, value in zip("abcd", cubic.v, strict=True)})
+        return
+    values = {f"{key}U": float(value) for key, value in zip("abcd", cubic.u, strict=True)}
+    values |= {f"{key}V": float(value) for key, value in zip("abcd", cubic.v, strict=True)}
+    _add(element, "paramPoly3", pRange="normalized" if cubic.end == 1.0 else "arcLength", **values)
+
+
+def _lateral(element: etree._Element, road: RoadRecord) -> None:
+    _polynomials(element, "superelevation", road.superelevation)
+    for side, p in road.crossfall:
+        _add(element, "crossfall", side=side, s=float(p.s), a=float(p.a), b=float(p.b), c=float(p.c), d=float(p.d))
+    for profile in road.shapes:
+        for p in profile.pieces:
+            values = {key: float(value) for key, value in zip("abcd", (p.a, p.b, p.c, p.d), strict=True)}
+            _add(element, "shape", s=float(profile.s), t=float(p.s), **values)
 
 
 def _polynomials(parent: etree._Element, tag: str, records: Iterable[Polynomial], key: str = "s") -> None:
@@ -123,7 +149,7 @@ def _section(parent: etree._Element, section: SectionRecord) -> None:
 
 
 def _lane(parent: etree._Element, lane: LaneRecord) -> None:
-    element = _add(parent, "lane", id=lane.id, type=lane.kind, level="false")
+    element = _add(parent, "lane", id=lane.id, type=lane.kind, level="true" if lane.level else "false")
     if lane.id != 0:
         link = _add(element, "link")
         if lane.predecessor is not None:
@@ -131,6 +157,11 @@ def _lane(parent: etree._Element, lane: LaneRecord) -> None:
         if lane.successor is not None:
             _add(link, "successor", id=lane.successor)
     _polynomials(element, "width", lane.widths, "sOffset")
+    _polynomials(element, "border", lane.borders, "sOffset")
+    for s, inner, outer in lane.heights:
+        _add(element, "height", sOffset=float(s), inner=float(inner), outer=float(outer))
+    for speed in lane.speeds:
+        _add(element, "speed", sOffset=float(speed.s), max=f"{speed.limit * 3.6:.12g}", unit="km/h")
     for mark in lane.marks:
         _mark(element, mark)
 
@@ -151,7 +182,7 @@ def _signal(parent: etree._Element, signal: SignalRecord) -> None:
     element = _add(
         parent, "signal", name=signal.name, id=signal.id, s=float(signal.s), t=float(signal.t),
         zOffset=float(signal.z_offset), hOffset=float(signal.h_offset), roll=0.0, pitch=0.0,
-        orientation=signal.orientation, dynamic=signal.dynamic, country="OpenDRIVE", type=signal.kind,
+        orientation=signal.orientation, dynamic=signal.dynamic, country=signal.country, type=signal.kind,
         subtype=signal.subtype, value=float(signal.value), text=signal.text, height=float(signal.height),
         width=float(signal.width),
     )  # fmt: skip
@@ -178,14 +209,28 @@ def _object(parent: etree._Element, thing: ObjectRecord) -> None:
         outline = _add(element, "outline")
         for u, v, z in thing.outline:
             _add(outline, "cornerLocal", u=float(u), v=float(v), z=float(z))
+    elif thing.road_outline:
+        outline = _add(element, "outline")
+        for s, t, dz in thing.road_outline:
+            _add(outline, "cornerRoad", s=float(s), t=float(t), dz=float(dz))
+    for row in thing.repeats:
+        _add(
+            element, "repeat", s=float(row.s), length=float(row.length), distance=float(row.distance),
+            tStart=float(row.t_start), tEnd=float(row.t_end),
+        )  # fmt: skip
+    if thing.parking and thing.kind.lower() != "parkingspace":
+        _add(element, "parkingSpace")
 
 
 def _junction(root: etree._Element, junction: JunctionRecord) -> None:
     element = _add(root, "junction", id=junction.id, name=junction.name)
+    if junction.direct:
+        element.set("type", "direct")
     for c in junction.connections:
         connection = _add(
-            element, "connection", id=c.id, incomingRoad=c.incoming, connectingRoad=c.connecting, contactPoint=c.contact
-        )
+            element, "connection", id=c.id, incomingRoad=c.incoming,
+            **{"linkedRoad" if junction.direct else "connectingRoad": c.connecting}, contactPoint=c.contact,
+        )  # fmt: skip
         for source, target in c.links:
             _add(connection, "laneLink", **{"from": source, "to": target})
     for sequence, controller in enumerate(junction.controllers):
