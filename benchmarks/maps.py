@@ -1,4 +1,4 @@
-"""Times of loading towns and of nearest-lane queries, on one core; medians.
+"""Times of loading towns and of nearest-lane queries, on one core; medians of processor time.
 
 `python benchmarks/maps.py [FOLDER …]`: the bundled towns and those in FOLDER.
 """
@@ -12,28 +12,28 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 
 import numpy as np
 
-from lavsim.map import town_map
 from lavsim.map.town_map import TownMap, build_town, load_town, town_names
 from lavsim.types import LaneType
 
 ROUNDS = 7
 QUERIES = 10_000
-SCRIPT = "import time\nfrom pathlib import Path\nfrom lavsim.map.town_map import load_town\nt=time.perf_counter()\n"
+SCRIPT = "import time\nfrom pathlib import Path\nfrom lavsim.map.town_map import load_town\nt=time.process_time()\n"
 
 
 def median(action: Callable[[], object]) -> float:
     """Milliseconds of `action`."""
     times = []
     for _ in range(ROUNDS):
-        start = time.perf_counter()
+        start = time.process_time()
         action()
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     return 1000.0 * statistics.median(times)
 
 
@@ -47,7 +47,7 @@ def near_lanes(town: TownMap) -> np.ndarray:
 
 def in_a_new_process(name: str, folders: list[Path], cache: str) -> float:
     """Milliseconds of `load_town` in a fresh process, without imports."""
-    code = f"{SCRIPT}load_town({name!r}, {[str(f) for f in folders]!r})\nprint(time.perf_counter()-t)"
+    code = f"{SCRIPT}load_town({name!r}, {[str(f) for f in folders]!r})\nprint(time.process_time()-t)"
     done = subprocess.run(
         [sys.executable, "-c", code], env={**os.environ, "LAVSIM_CACHE": cache}, capture_output=True, text=True,
         check=True,
@@ -60,19 +60,20 @@ def main(folders: list[Path]) -> None:
     print(f"{'town':<14}{'lanes':>7}{'build':>10}{'cold':>10}{'cached':>10}{'10k nearest':>13}{'with z':>10}   [ms]")
     for name in town_names(folders):
         with tempfile.TemporaryDirectory() as cache:
-            cold = in_a_new_process(name, folders, cache)
+            in_a_new_process(name, folders, cache)  # compiles kernels where that is still to be done
+            cold = statistics.median(in_a_new_process(name, folders, f"{cache}/{k}") for k in range(3))
             cached = statistics.median(in_a_new_process(name, folders, cache) for _ in range(3))
         town = load_town(name, folders)
-        data = town.xodr.encode()
         points = near_lanes(town)
         town.nearest(points[:10])
         town.nearest(points[:10, :2])
+        built = median(partial(build_town, name, town.data))
+        plain, solid = median(partial(town.nearest, points[:, :2])), median(partial(town.nearest, points))
         print(
-            f"{name:<14}{len(town.lanes):>7}{median(lambda: build_town(name, data)):>10.1f}{cold:>10.1f}{cached:>10.1f}"
-            f"{median(lambda: town.nearest(points[:, :2])):>13.2f}{median(lambda: town.nearest(points)):>10.2f}"
+            f"{name:<14}{len(town.lanes):>7}{built:>10.1f}{cold:>10.1f}{cached:>10.1f}{plain:>13.2f}{solid:>10.2f}",
+            flush=True,
         )
 
 
 if __name__ == "__main__":
-    assert town_map.__file__
     main([Path(a) for a in sys.argv[1:]])
