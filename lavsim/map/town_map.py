@@ -456,6 +456,13 @@ class Waypoint:
         """[m/s]"""
         return float(self.town.lanes.speed_limit[self.lane])
 
+    @property
+    def lane_change(self) -> int:
+        """Lane changes that the marks allow here: 1 right, 2 left, 3 both (CARLA's `LaneChange`)."""
+        lanes = self.town.lanes
+        row = round(self.u / float(lanes.step[self.lane]))
+        return int(lanes.change[lanes.rows(self.lane)][row])
+
     def next(self, distance: float) -> list[Waypoint]:
         """Waypoints `distance` metres of s ahead, one for each branch; none past a dead end."""
         return self._step(distance, ahead=True)

@@ -59,11 +59,7 @@ def test_waypoints_are_those_of_carla(town: TownMap, answers: Any) -> None:
 def test_lane_changes_are_those_of_carla(town: TownMap, answers: Any) -> None:
     names = {0: "NONE", 1: "Right", 2: "Left", 3: "Both"}
     for row in answers["waypoints"] + answers["lane_samples"]:
-        road, section, lane_id, s = row[4:8]
-        lane = town.lane_index(road, section, lane_id)
-        rows = town.lanes.rows(lane)
-        bits = town.lanes.change[rows][int(np.argmin(np.abs(town.lanes.point_s[rows] - s)))]
-        assert names[int(bits)] == row[14]
+        assert names[at(town, *row[4:8]).lane_change] == row[14]
 
 
 @needs_oracle
