@@ -239,7 +239,9 @@ def us_highway() -> Layout:
         ("lane opens", -455), ("exit 1", -315), ("entry 2", -205),
         ("exit 2", 205), ("entry 1", 315), ("lane ends", 465),
     ):  # fmt: skip
-        town.ramps(name, x, 520)
+        town.ramps(
+            name, x, 520, half=45.0 if name.endswith("2") else 35.0
+        )  # where no lane is left over, ramps part later
     town.junction("east end", 800, 0)
     town.street("Motorway 1", "west end", "lane opens", via=[(-800, 520, 300)], speed=90, section=MOTORWAY)
     town.street("Motorway 2", "lane opens", "exit 1", speed=90, section=three)

@@ -46,6 +46,7 @@ FAR_POLE_BESIDE = 0.9  # [m] from the kerb, of the post of a mast arm
 SIGN_SETBACK = 8.0  # [m] of speed signs after the junction
 CIRCLE_SPEED = 30  # [km/h] in roundabouts
 CIRCLE_SIGN = 20.0  # [m] before a roundabout: where its speed is shown
+GORE_SIGN = 28.0  # [m] of speed signs after a ramp's junction: where the ramp has left
 SIGN_EVERY = 450.0  # [m] between speed signs on a long street
 FILL = 3.4  # [m] of pavement to the left of turns at a wide crossing
 REFERENCE_S = 0.1  # [m] of signal references on connecting roads
@@ -175,7 +176,9 @@ class _Builder:
             if not section.count(side):
                 continue
             beside = section.edge(side) + POLE_BESIDE
-            limits = [(SIGN_SETBACK + k * SIGN_EVERY, street.speed) for k in range(1 + int(length / SIGN_EVERY))]
+            gore = isinstance(street.node(side < 0), RampNode) and not section.is_one_way
+            first = min(GORE_SIGN, length / 2.0) if gore else SIGN_SETBACK
+            limits = [(first + k * SIGN_EVERY, street.speed) for k in range(1 + int((length - first) / SIGN_EVERY))]
             if isinstance(street.node(side > 0), Roundabout) and street.speed > CIRCLE_SPEED:
                 limits.append((length - CIRCLE_SIGN, CIRCLE_SPEED))
             for passed, limit in limits:

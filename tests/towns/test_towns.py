@@ -194,6 +194,9 @@ def test_signals_stand_on_their_road_and_off_the_lanes(town: TownMap) -> None:
             assert 0.0 <= signal.s <= road.length
             assert signal.kind in LIGHT_TYPES | {"205", "206"}
             places.append(shapes[road.id].place(signal.s, signal.t)[:2])
+        for thing in road.objects:
+            if thing.name.startswith("Speed_"):
+                places.append(shapes[road.id].place(thing.s, thing.t)[:2])
     hits = town.nearest(np.array(places))
     assert (hits.distance > hits.width / 2.0 + 0.2).all()
 
