@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lavsim.errors import MapError
-from lavsim.map.lane import gaps, kinks
+from lavsim.map.lane import CLEAR_HEIGHT, gaps, kinks
 from lavsim.map.opendrive import read_bytes
 from lavsim.map.signal import LIGHT_TYPES
 from lavsim.map.town_map import TownMap, build_town
@@ -136,6 +136,14 @@ def _signals(town: TownMap) -> Iterator[str]:
     idle = [f"{sign.kind} sign {sign.signal_id}" for sign in town.signs if not sign.lanes and not sign.approach]
     if idle:
         yield f"Signs that govern no driving lane: {_list(idle)}."
+    posts = [(f"light {light.signal_id}", light.x, light.y, light.z) for light in town.lights]
+    posts += [(f"{sign.kind} sign {sign.signal_id}", sign.x, sign.y, sign.z) for sign in town.signs]
+    if posts:
+        hits = town.nearest(np.array([post[1:3] for post in posts]))
+        low = np.array([post[3] for post in posts]) - hits.points[:, 2] < CLEAR_HEIGHT
+        blocking = [post[0] for post, on_lane in zip(posts, hits.inside & low, strict=True) if on_lane]
+        if blocking:
+            yield f"Signals that stand on a driving lane, which CARLA would move aside: {_list(blocking)}."
     held = {signal for controller in network.controllers for signal in controller.signals}
     lights = {s.id for road in network.roads for s in road.signals if s.kind in LIGHT_TYPES}
     free = sorted(lights - held)

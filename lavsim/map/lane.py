@@ -34,6 +34,7 @@ TOO_LONG = f"the map has more than {MOST_POINTS * STEP / 1000.0:.0f} km of lanes
 MOST_LIMITS = 50_000  # speed signs times the lanes for which they count
 MOST_JUNCTION_POINTS = 20_000  # 10 km of lanes in one junction
 MOST_JUNCTION_WORK = 2_000_000_000  # squares of that, over all junctions
+LONGEST_FINE = 20_000.0  # [m] longer sections are no roads, and measured less finely
 STEEPEST_BANK = 1.4  # [rad]
 SHORTEST = 1e-3  # [m] sections below this are slips of the drawing tool and carry no lane
 CHANGE_RIGHT, CHANGE_LEFT = 1, 2  # bits of `LaneTable.change`, CARLA's LaneChange
@@ -458,7 +459,10 @@ def _pieces(network: Network, shapes: dict[int, RoadShape]) -> list[_Piece]:
             section = SectionShape(shape, index)
             if section.end - section.start < SHORTEST:
                 continue
-            count = int(np.ceil((section.end - section.start) / (2.0 * STEP)))
+            # On spirals and cubics du/ds varies between nodes.
+            is_fine = shape.line.curves and section.end - section.start < LONGEST_FINE
+            spacing = STEP / 2.0 if is_fine else 2.0 * STEP
+            count = int(np.ceil((section.end - section.start) / spacing))
             nodes = np.linspace(section.start, section.end, count + 1)
             nodes = np.unique(np.concatenate([nodes, section.breakpoints()]))
             nodes = nodes[np.concatenate([[True], np.diff(nodes) > 1e-9])]

@@ -61,7 +61,7 @@ def test_lanes_of_every_curve_are_smooth(kind: str, k0: float, k1: float, left_h
         points = bent.lanes.centre_line(lane)
         steps = np.diff(points[:, :2], axis=0)
         length = np.hypot(*steps.T)
-        assert np.allclose(length, bent.lanes.step[lane], rtol=2e-3)
+        assert np.allclose(length, bent.lanes.step[lane], rtol=1e-3)
         assert length.sum() == pytest.approx(bent.lanes.length[lane], rel=1e-3)
         headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
         middle = 0.5 * (points[1:, 3] + points[:-1, 3])

@@ -198,7 +198,7 @@ def test_what_is_wrong_is_said_in_words(tmp_path: Path) -> None:
         'length="60.0"><line/></geometry>', f'length="50.0"><line/></geometry>{jump}'
     )
     signals = (
-        '<signals><signal id="4" type="1000001" s="5" t="0" orientation="+"/><signalReference id="5" s="1"/></signals>'
+        '<signals><signal id="4" type="1000001" s="5" t="6" orientation="+"/><signalReference id="5" s="1"/></signals>'
     )
     path.write_text(f"<OpenDRIVE>{text.replace('</road>', signals + '<railroad/></road>')}</OpenDRIVE>")
     assert check_file(path) == [
