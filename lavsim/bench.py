@@ -1,7 +1,7 @@
 """The figures of the performance budget on this machine (`lavsim bench`).
 
-The scene is `us_large_a` with 100 vehicles (walkers join it once towns have them). Everything runs on one core, and each
-figure is the median of several rounds, because machines are noisy.
+The scene is `us_large_a` with 100 vehicles (walkers join it once towns have them). Everything runs on one core, and
+each figure is the median of several rounds, because machines are noisy.
 """
 
 from __future__ import annotations
