@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lavsim.map.opendrive import Network, ObjectRecord, RoadRecord, SignalRecord, SignalReference, Validity
+from lavsim.map.opendrive import ObjectRecord, RoadRecord, SignalRecord, SignalReference, Validity
 from lavsim.map.signal import LANDMARK_SHIFT, LIGHT_TYPES, SPEED_TYPE, object_side, speed_of
+from lavsim.types import LaneType
 
 if TYPE_CHECKING:
     from lavsim.map.lane import RoadShape
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 ORIENTATIONS = {"+": "Positive", "-": "Negative"}
 MOST_STEPS = 10_000  # lanes looked at in one search
+CLEARANCE = 0.7  # lane widths that a signal keeps from a lane's centre
+SHIFT = 0.2  # lane widths by which it is moved at a time
+MOST_SHIFTS = 10
 
 
 @dataclass(frozen=True)
@@ -31,8 +35,9 @@ class Landmark:
         orientation: "Positive", "Negative" or "Both".
         road_id, s, t: Where it counts, in the file's coordinates [m].
         z_offset, h_offset: Of the signal [m, rad].
-        x, y, z, yaw: Where the signal stands and looks to [m, rad].
+        x, y, z, yaw: Where the signal stands and looks to [m, rad]; moved aside from lanes, as CARLA does.
         validities: Lane id ranges for which it counts.
+        pitch, roll: Of the signal [rad].
         distance: Along the lanes from where the search began [m]; 0 in `TownMap.landmarks`.
         waypoint: Of the search, on the lane for which it counts; None in `TownMap.landmarks`.
     """
@@ -59,20 +64,29 @@ class Landmark:
     z: float
     yaw: float
     validities: Validity
+    pitch: float = 0.0
+    roll: float = 0.0
     distance: float = 0.0
     waypoint: Waypoint | None = field(default=None, compare=False, repr=False)
 
 
-def build_landmarks(network: Network, shapes: dict[int, RoadShape]) -> tuple[Landmark, ...]:
+def build_landmarks(town: TownMap) -> tuple[Landmark, ...]:
     """All landmarks, in file order of the places where they count."""
+    network, shapes = town.network, town.shapes
+    moved: dict[tuple[float, float, float, float], tuple[float, float, float, float]] = {}
     signals = {signal.id: (signal, road) for road in network.roads for signal in road.signals}
     referred = {reference.id for road in network.roads for reference in road.references}
     found: list[Landmark] = []
 
     def add(thing: SignalRecord | ObjectRecord, stands: RoadRecord, counts: RoadRecord, place: SignalReference) -> None:
         ranges = _ranges(place.validity, place.orientation, counts, place.s)
-        if ranges:
-            found.append(_landmark(thing, shapes[stands.id], counts, place, ranges))
+        if ranges is not None:
+            landmark = _landmark(thing, shapes[stands.id], counts, place, ranges)
+            pose = (landmark.x, landmark.y, landmark.z, landmark.yaw)
+            if pose not in moved:
+                moved[pose] = _out_of_the_way(town, pose)
+            x, y, z, yaw = moved[pose]
+            found.append(replace(landmark, x=x, y=y, z=z, yaw=yaw))
 
     for road in network.roads:
         for reference in road.references:
@@ -88,10 +102,33 @@ def build_landmarks(network: Network, shapes: dict[int, RoadShape]) -> tuple[Lan
     return tuple(found)
 
 
-def _ranges(validity: Validity, orientation: str, road: RoadRecord, s: float) -> Validity:
-    """Lane id ranges at `s`; without records the side that the orientation names."""
+def _out_of_the_way(town: TownMap, pose: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Where CARLA puts a signal that stands on or close to a lane: in steps to the side, turned along the lane.
+
+    Source: LibCarla `MapBuilder::CheckSignalsOnRoads` (0.9.16).
+    """
+    x, y, z, yaw = pose
+    for step in range(MOST_SHIFTS + 1):
+        lane = town.carla_waypoint((x, y, z), types=LaneType.DRIVING | LaneType.SHOULDER)
+        if lane is None or np.hypot(np.hypot(lane.x - x, lane.y - y), lane.z - z) >= CLEARANCE * lane.width:
+            return x, y, z, yaw
+        if step == MOST_SHIFTS:
+            break
+        is_open = [
+            beside is not None and beside.lane_type == LaneType.DRIVING for beside in (lane.right(), lane.left())
+        ]
+        yaw = lane.yaw
+        if all(is_open):
+            return x, y, z, yaw
+        aside = SHIFT * lane.width * (-1.0 if is_open[0] else 1.0)
+        x, y = x - aside * float(np.sin(yaw)), y + aside * float(np.cos(yaw))
+    return pose
+
+
+def _ranges(validity: Validity, orientation: str, road: RoadRecord, s: float) -> Validity | None:
+    """Lane id ranges at `s`; without records the side that the orientation names. None for no lane, by record."""
     if validity:
-        return tuple((min(a, b), max(a, b)) for a, b in validity if (a, b) != (0, 0))
+        return tuple((min(a, b), max(a, b)) for a, b in validity if (a, b) != (0, 0)) or None
     section = next((k for k in reversed(road.sections) if k.s <= s + 1e-9), road.sections[0])
     ids = [lane.id for lane in section.lanes]
     sides = ((1, max(ids)), (min(ids), -1))
@@ -114,11 +151,13 @@ def _landmark(
         )  # fmt: skip
     yaw -= thing.h_offset
     if thing.kind in LIGHT_TYPES:
-        x, y = x + LANDMARK_SHIFT * float(np.cos(yaw)), y + LANDMARK_SHIFT * float(np.sin(yaw))
+        ahead = LANDMARK_SHIFT * float(np.cos(thing.pitch))
+        x, y = x + ahead * float(np.cos(yaw)), y + ahead * float(np.sin(yaw))
+        z += LANDMARK_SHIFT * float(np.sin(thing.pitch))
     return Landmark(
         str(thing.id), thing.kind, thing.subtype, thing.name, thing.text, thing.value, thing.unit, thing.country,
         thing.dynamic, orientation, counts.id, place.s, place.t, thing.z_offset, thing.h_offset, thing.width,
-        thing.height, x, y, z + thing.z_offset, yaw, ranges,
+        thing.height, x, y, z + thing.z_offset, yaw, ranges, thing.pitch, thing.roll,
     )  # fmt: skip
 
 

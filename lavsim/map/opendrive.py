@@ -164,6 +164,8 @@ class SignalRecord:
     width: float = 0.0
     validity: Validity = ()
     country: str = "OpenDRIVE"
+    pitch: float = 0.0
+    roll: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -712,6 +714,8 @@ class _Reader:
             width=self.number(element, "width", 0.0),
             validity=self.validity(element),
             country=element.get("country") or "",
+            pitch=self.number(element, "pitch", 0.0),
+            roll=self.number(element, "roll", 0.0),
         )
 
     def reference(self, element: etree._Element) -> SignalReference:

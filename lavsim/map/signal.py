@@ -389,7 +389,9 @@ def _light(
 ) -> TrafficLight:
     x, y, z, yaw = shape.place(signal.s, signal.t)
     yaw -= signal.h_offset
-    x, y = x + LANDMARK_SHIFT * float(np.cos(yaw)), y + LANDMARK_SHIFT * float(np.sin(yaw))
+    ahead = LANDMARK_SHIFT * float(np.cos(signal.pitch))
+    x, y = x + ahead * float(np.cos(yaw)), y + ahead * float(np.sin(yaw))
+    z += LANDMARK_SHIFT * float(np.sin(signal.pitch))
     stops = _stops(lanes, governed.approach, paint)
     boxes = tuple(
         _box(lanes, stop.lane, u, TRIGGER_HALF_LENGTH, TRIGGER_WIDTH_SHARE * stop.width, TRIGGER_HALF_HEIGHT)

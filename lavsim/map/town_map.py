@@ -351,10 +351,19 @@ class TownMap:
                     lines.append(_stop_mark(outline_in_world(thing, self.shapes[road.id])))
         return tuple(lines)
 
+    def topology(self) -> list[tuple[Waypoint, Waypoint]]:
+        """From the start of each driving lane to that of each lane that follows it, or to its own end (CARLA)."""
+        pairs: list[tuple[Waypoint, Waypoint]] = []
+        for lane in self.lanes.where(LaneType.DRIVING).tolist():
+            start = self.waypoint_at(lane, 0.0)
+            following = [self.waypoint_at(int(k), 0.0) for k in self.lanes.successors(lane)]
+            pairs += [(start, end) for end in following or [self.waypoint_at(lane, np.inf)]]
+        return pairs
+
     @cached_property
     def landmarks(self) -> tuple[Landmark, ...]:
         """All places where signals count (CARLA's `get_all_landmarks`)."""
-        return build_landmarks(self.network, self.shapes)
+        return build_landmarks(self)
 
     @cached_property
     def _landmarks_by_road(self) -> dict[int, list[tuple[int, Landmark]]]:

@@ -181,7 +181,8 @@ def _validity(parent: etree._Element, validity: Validity) -> None:
 def _signal(parent: etree._Element, signal: SignalRecord) -> None:
     element = _add(
         parent, "signal", name=signal.name, id=signal.id, s=float(signal.s), t=float(signal.t),
-        zOffset=float(signal.z_offset), hOffset=float(signal.h_offset), roll=0.0, pitch=0.0,
+        zOffset=float(signal.z_offset), hOffset=float(signal.h_offset),
+        roll=float(signal.roll), pitch=float(signal.pitch),
         orientation=signal.orientation, dynamic=signal.dynamic, country=signal.country, type=signal.kind,
         subtype=signal.subtype, value=float(signal.value), text=signal.text, height=float(signal.height),
         width=float(signal.width),
