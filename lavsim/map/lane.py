@@ -21,7 +21,16 @@ from lavsim.geometry import wrap_angle
 from lavsim.kernel import kernel
 from lavsim.map.curve import ReferenceLine
 from lavsim.map.links import LaneLinks, Report
-from lavsim.map.opendrive import JunctionRecord, LaneRecord, Network, Polynomial, RoadRecord, SectionRecord, SpeedRecord
+from lavsim.map.opendrive import (
+    MAX_COORDINATE,
+    JunctionRecord,
+    LaneRecord,
+    Network,
+    Polynomial,
+    RoadRecord,
+    SectionRecord,
+    SpeedRecord,
+)
 from lavsim.types import LaneType, RoadOption
 
 Floats = NDArray[np.float64]
@@ -35,6 +44,7 @@ MOST_LIMITS = 50_000  # speed signs times the lanes for which they count
 MOST_JUNCTION_POINTS = 20_000  # 10 km of lanes in one junction
 MOST_JUNCTION_WORK = 2_000_000_000  # squares of that, over all junctions
 LONGEST_FINE = 20_000.0  # [m] longer sections are no roads, and measured less finely
+FARTHEST = 2.0 * MAX_COORDINATE
 STEEPEST_BANK = 1.4  # [rad]
 SHORTEST = 1e-3  # [m] sections below this are slips of the drawing tool and carry no lane
 CHANGE_RIGHT, CHANGE_LEFT = 1, 2  # bits of `LaneTable.change`, CARLA's LaneChange
@@ -441,6 +451,13 @@ def _measure(
     points[:, 0] = x - t * np.sin(phi)
     points[:, 1] = -(y + t * np.cos(phi))
     points[:, 2] = section.height(lane.id, inside, t)
+    farthest = float(np.abs(points[:, :3]).max())
+    if farthest > FARTHEST:
+        road = section.shape.road
+        raise MapError(
+            f"line {road.line}: lane {lane.id} of road {road.id} lies {farthest / 1000.0:.3g} km off; "
+            "check its widths and curves."
+        )
     points[:, 3] = np.unwrap(yaw)
     points[:, 4] = turned
     change = change_bits(section.record, lane.id, inside - section.start, section.shape.road.left_hand)

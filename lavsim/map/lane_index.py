@@ -73,11 +73,13 @@ def _search(
         ring = 0
         while True:
             i0, i1, j0, j1 = ci - ring, ci + ring, cj - ring, cj + ring
-            for j in range(max(j0, 0), min(j1, rows - 1) + 1):
+            has_sides = i0 >= 0 or i1 < columns
+            j, last = max(j0, 0), min(j1, rows - 1)
+            while j <= last:
                 on_edge = j in (j0, j1)
-                stride = 1 if on_edge or ring == 0 else i1 - i0
-                for i in range(i0, i1 + 1, stride):
-                    if i < 0 or i >= columns:
+                begin, stride = (max(i0, 0), 1) if on_edge or ring == 0 else (i0, i1 - i0)
+                for i in range(begin, min(i1, columns - 1) + 1, stride):
+                    if i < 0:
                         continue
                     at = j * columns + i
                     for k in range(cell_first[at], cell_first[at + 1]):
@@ -96,6 +98,8 @@ def _search(
                         if d < best - 1e-9 or (d < best + 1e-9 and chord_lane[c] < lane[n]):
                             best = min(d, best)
                             lane[n], share[n], chord[n] = chord_lane[c], t, c
+                # Rows between the edges have cells of this ring at their sides alone.
+                j = j + 1 if has_sides or j + 1 > j1 else max(j + 1, j1)
             # Cells not yet seen lie beyond a side of the block that is still inside the grid.
             bound = np.inf
             if i0 > 0:

@@ -126,3 +126,18 @@ def test_thousands_of_mutated_maps_raise_nothing_but_map_errors(seed: int) -> No
     towns, refused = fuzz.drive(count=600, seed=seed)
     assert towns > 0
     assert refused > 0
+
+
+@pytest.mark.parametrize("point", [(0.0, 0.0), (1e9, -1e9), (-1e300, 1e300), (5e5, 3.0)])
+def test_nearest_in_a_map_of_two_far_roads_takes_no_time(point: tuple[float, float]) -> None:
+    far = build(*(road(k, 9, winding(9, "<line/>").replace('y="0"', f'y="{y}"')) for k, y in ((1, -9e5), (2, 9e5))))
+    far.nearest([(0.0, 0.0)])
+    start = time.perf_counter()
+    hit = far.nearest([point])
+    assert time.perf_counter() - start < 1.0
+    assert hit.lane[0] in (0, 1)
+
+
+def test_lanes_beyond_the_map_are_refused() -> None:
+    with pytest.raises(MapError, match=r"t\.xodr, line 2: lane -1 of road 1 lies 5e\+05 km off; check its widths"):
+        build(road(1, 9).replace('a="3.5"', 'a="1e9"'))
