@@ -128,7 +128,7 @@ def test_thousands_of_mutated_maps_raise_nothing_but_map_errors(seed: int) -> No
     assert refused > 0
 
 
-@pytest.mark.parametrize("point", [(0.0, 0.0), (1e9, -1e9), (-1e300, 1e300), (5e5, 3.0)])
+@pytest.mark.parametrize("point", [(0.0, 0.0), (1e9, -1e9), (-1e100, 1e100), (5e5, 3.0)])
 def test_nearest_in_a_map_of_two_far_roads_takes_no_time(point: tuple[float, float]) -> None:
     far = build(*(road(k, 9, winding(9, "<line/>").replace('y="0"', f'y="{y}"')) for k, y in ((1, -9e5), (2, 9e5))))
     far.nearest([(0.0, 0.0)])
