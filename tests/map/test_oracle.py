@@ -186,7 +186,7 @@ def test_the_dev_test_route_can_be_traced_on_town01() -> None:
     if not path.exists():
         pytest.skip("needs routes/leaderboard_1.0_devtest.xml of LAVSIM_SHARED or ../shared")
     element = etree.parse(str(path)).getroot()[0]
-    points = [[float(w.get(k)) for k in "xyz"] for w in element.iter("waypoint")]
+    points = [[float(w.get(k) or 0.0) for k in "xyz"] for w in element.iter("waypoint")]
     route = get_planner(load_town("Town01", [MAPS])).trace(points)
     assert 700.0 < route.length < 800.0
     assert {option.name for option, _ in route.commands()} == {"LANEFOLLOW", "LEFT", "RIGHT"}
