@@ -81,6 +81,10 @@ def _search(
                 for i in range(begin, min(i1, columns - 1) + 1, stride):
                     if i < 0:
                         continue
+                    cx, cy = origin_x + i * cell, origin_y + j * cell
+                    gap_x, gap_y = max(cx - x, x - cx - cell, 0.0), max(cy - y, y - cy - cell, 0.0)
+                    if gap_x * gap_x + gap_y * gap_y > best + 1e-6:
+                        continue
                     at = j * columns + i
                     for k in range(cell_first[at], cell_first[at + 1]):
                         c = cell_chord[k]
