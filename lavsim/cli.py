@@ -260,10 +260,10 @@ def make_routes(
 ) -> None:
     """Make random routes through a town, with hazards where they fit."""
     from lavsim.map.town_map import load_town
+    from lavsim.traffic.profiles import TRAFFIC_PROFILES
     from leaderboard.route_maker import RouteWish
     from leaderboard.route_maker import make_routes as make
     from leaderboard.route_writer import write_routes
-    from leaderboard.routes import TRAFFIC_PROFILES
 
     shortest, longest = _interval(length)
     if traffic not in TRAFFIC_PROFILES:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,26 +12,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.errors import ConfigError, RouteError, ScenarioError, UnknownName
+from lavsim.errors import ConfigError, UnknownName
 from lavsim.map.planner import get_planner
 from lavsim.map.scenery import SCENERY_VERSION
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.random import Draws
-from lavsim.scenarios.base import Scenario, ScenarioSpec, Script, Stage, make_scenario
+from lavsim.scenarios.base import ScenarioSpec
+from lavsim.scenarios.director import Director
 from lavsim.traffic.population import Traffic
+from lavsim.traffic.profiles import TRAFFIC_PROFILES, Population, population_of
 from lavsim.types import ActorIds, Control, Role
 from lavsim.world.blueprints import find_blueprint
-from lavsim.world.lights import TrafficLights
-from lavsim.world.snapshot import HAZARD_DTYPE, Snapshot
+from lavsim.world.lights import LightCycle, TrafficLights
+from lavsim.world.snapshot import Snapshot
 from lavsim.world.weather import Weather, WeatherKeyframe, weather_at
 from lavsim.world.world import World
 
-# Background vehicles by profile. `leaderboard` is what the rules say, `lav` what collection and our routes use.
-TRAFFIC_PROFILES: Mapping[str, int] = {"leaderboard": 40, "lav": 40, "empty": 0}
 EGO_BLUEPRINTS = {"1.0": "vehicle.lincoln.mkz_2017", "2.x": "vehicle.lincoln.mkz_2020"}
 _EGO_COLOUR = (40, 80, 160)
 _TRIGGER_WINDOW = 5  # route points ahead that may become the nearest one
-_PLACE_RANGE = 500.0  # [m] from the ego within which a hazard's actors appear
 _FLAT = 0.1  # [m] towns whose lanes differ by less in z are one plane
 _HISTORY = 8  # snapshots kept for sensors that look back
 
@@ -49,6 +48,11 @@ class DriveSpec:
         seed: Root of all draws.
         traffic: A name of `TRAFFIC_PROFILES`.
         vehicles: Background vehicles instead of the profile's number; None takes the profile's.
+        walkers: The same of walkers.
+        parked: Share of parking spaces taken instead of the profile's.
+        jaywalking: Share of walkers that also cross away from crosswalks.
+        light_cycle: Durations of the traffic lights' phases.
+        wet_friction: Whether rain and puddles make the road slippery; CARLA's weather does not.
         rules: Rule set, for the log.
         generation: "1.0" or "2.x": which ego drives.
         town_path: Folders searched for towns that are not bundled.
@@ -62,6 +66,11 @@ class DriveSpec:
     seed: int = 0
     traffic: str = "leaderboard"
     vehicles: int | None = None
+    walkers: int | None = None
+    parked: float | None = None
+    jaywalking: float = 0.0
+    light_cycle: LightCycle = LightCycle()  # noqa: RUF009 - frozen
+    wet_friction: bool = False
     rules: str = "1.0"
     generation: str = "1.0"
     town_path: tuple[Path, ...] = ()
@@ -71,19 +80,42 @@ class DriveSpec:
             raise UnknownName("traffic profile", self.traffic, TRAFFIC_PROFILES)
         if self.generation not in EGO_BLUEPRINTS:
             raise ConfigError(f"generation must be one of {', '.join(EGO_BLUEPRINTS)}, got {self.generation!r}.")
+        for name in ("vehicles", "walkers"):
+            count = getattr(self, name)
+            if count is not None and count < 0:
+                raise ConfigError(f"{name} must not be negative, got {count}.")
+        for name in ("parked", "jaywalking"):
+            share = getattr(self, name)
+            if share is not None and not 0.0 <= share <= 1.0:
+                raise ConfigError(f"{name} must lie in 0 to 1, got {share}.")
+
+    def population(self, town: TownMap) -> Population:
+        """Who is in town: the profile's population with what this drive sets itself."""
+        population = population_of(self.traffic, self.generation, town)
+        own = {name: getattr(self, name) for name in ("vehicles", "walkers", "parked")}
+        return replace(population, **{name: value for name, value in own.items() if value is not None})
+
+    @staticmethod
+    def from_header(header: Mapping[str, Any], town_path: tuple[Path, ...] = ()) -> DriveSpec:
+        """The drive that a log's header tells of (`Simulation.header`)."""
+        plain = ("town", "route_id", "seed", "traffic", "vehicles", "walkers", "parked", "jaywalking", "wet_friction",
+                 "rules", "generation")  # fmt: skip
+        return DriveSpec(
+            **{name: header[name] for name in plain},
+            keypoints=np.array(header["keypoints"], dtype=np.float64).reshape(-1, 3),
+            weather=tuple(_keyframe(entry) for entry in header["weather"]),
+            scenarios=tuple(
+                ScenarioSpec(s["name"], s["type"], s["generation"], tuple(s["trigger"]), s["parameters"])
+                for s in header["scenarios"]
+            ),
+            light_cycle=LightCycle(**header["light_cycle"]),
+            town_path=town_path,
+        )
 
 
-@dataclass
-class _Hazard:
-    """A hazard of the route and where it stands in its life."""
-
-    spec: ScenarioSpec
-    scenario: Scenario
-    stage: Stage
-    route_index: int
-    is_placed: bool = False
-    is_over: bool = False
-    script: Script | None = field(default=None)
+def _keyframe(entry: Mapping[str, float]) -> WeatherKeyframe:
+    fields = dict(entry)
+    return WeatherKeyframe(fields.pop("percentage"), Weather(**fields))
 
 
 class Simulation:
@@ -107,16 +139,18 @@ class Simulation:
         self.town: TownMap = load_town(spec.town, spec.town_path)
         self.route = get_planner(self.town).trace(spec.keypoints)
         self.draws = Draws.of_seed(spec.seed)
-        self._lights = TrafficLights(len(self.town.lights), self.town.light_groups)
+        self._lights = TrafficLights(len(self.town.lights), self.town.light_groups, spec.light_cycle)
         self._has_slopes = float(np.ptp(self.town.lanes.points[:, 2])) > _FLAT
         self._world = World(_walls(self.town), has_levels=self._has_slopes)
         self._spawn_ego()
-        vehicles = TRAFFIC_PROFILES[spec.traffic] if spec.vehicles is None else spec.vehicles
-        self._traffic = Traffic(self.town, self._world, self.draws, vehicles)
+        self._population = spec.population(self.town)
+        self._traffic = Traffic(self.town, self._world, self.draws, self._population.vehicles)
         self._index = 0  # nearest route point, see `_track_route`
-        self._hazards = [h for k, s in enumerate(spec.scenarios) if (h := self._prepare(k, s)) is not None]
+        self._director = Director(
+            self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._progress
+        )
         self._recent: deque[Snapshot] = deque(maxlen=_HISTORY)
-        self._place_hazards()
+        self._director.place()
         self._publish()
         self.tick(Control())  # CARLA's leaderboard ticks once before it asks the agent
 
@@ -130,8 +164,7 @@ class Simulation:
 
     def tick(self, control: Control) -> Snapshot:
         """Applies `control` for one tick and returns what came of it."""
-        self._place_hazards()
-        self._run_hazards()
+        self._director.tick(self.route.points[self._index, :2])
         self._traffic.control(self._lights.states(self._world.tick * 0.05))
         self._world.drive_ego(_as_logged(control))
         self._world.step()
@@ -156,7 +189,12 @@ class Simulation:
             ],
             "seed": spec.seed,
             "traffic": spec.traffic,
-            "vehicles": len(self._traffic),
+            "vehicles": self._population.vehicles,
+            "walkers": self._population.walkers,
+            "parked": self._population.parked,
+            "jaywalking": spec.jaywalking,
+            "light_cycle": asdict(spec.light_cycle),
+            "wet_friction": spec.wet_friction,
             "rules": spec.rules,
             "generation": spec.generation,
         }  # fmt: skip
@@ -170,66 +208,6 @@ class Simulation:
             Role.EGO,
             _EGO_COLOUR,
         )
-
-    def _prepare(self, instance: int, spec: ScenarioSpec) -> _Hazard | None:
-        """The hazard of `spec`; None when its trigger is not on the route, as the leaderboard ignores it then."""
-        scenario = make_scenario(spec)
-        index = self._trigger_index(spec)
-        if index is None:
-            return None
-        anchor = self.town.waypoint_at(int(self.route.lane[index]), float(self.route.u[index]))
-        reason = scenario.fits(anchor)
-        if reason is not None:
-            where = f"({spec.trigger[0]:.1f}, {spec.trigger[1]:.1f})"
-            raise RouteError(
-                f"route {self.spec.route_id}, scenario {spec.name}: {spec.type} does not fit at {where}: {reason}."
-            )
-        stage = Stage(
-            self._world,
-            self.route,
-            anchor,
-            instance,
-            lambda: float(self.route.distance[self._index]),
-            self.draws.stream("scenario", instance),
-        )
-        return _Hazard(spec, scenario, stage, index)
-
-    def _trigger_index(self, spec: ScenarioSpec) -> int | None:
-        """First route point within 2 m and 10 degrees of the trigger (reference `leaderboard.md` 3.3)."""
-        x, y, z, yaw = spec.trigger
-        near = np.hypot(self.route.points[:, 0] - x, self.route.points[:, 1] - y) < 2.0
-        level = self.route.points[:, 2] - z < 2.0
-        turned = np.abs(np.mod(self.route.yaw - yaw + np.pi, 2.0 * np.pi) - np.pi) < np.radians(10.0)
-        found = np.flatnonzero(near & level & turned)
-        return int(found[0]) if len(found) else None
-
-    def _place_hazards(self) -> None:
-        for hazard in self._hazards:
-            if hazard.is_placed:
-                continue
-            trigger = np.array(hazard.spec.trigger[:2])
-            if np.hypot(*(trigger - self._world.ego.xy)) < _PLACE_RANGE:
-                hazard.is_placed = True
-                try:
-                    hazard.scenario.place(hazard.stage)
-                except ScenarioError:
-                    hazard.scenario.clear()  # no room: left out, as the leaderboard skips a class that can't be set up
-                    hazard.is_over = True
-
-    def _run_hazards(self) -> None:
-        for hazard in self._hazards:
-            if hazard.is_over or not hazard.is_placed:
-                continue
-            if hazard.script is None:
-                gap = self.route.points[self._index, :2] - np.array(hazard.spec.trigger[:2])
-                if np.hypot(*gap) >= hazard.scenario.trigger_radius:
-                    continue
-                hazard.script = hazard.scenario.script(hazard.stage)
-            try:
-                next(hazard.script)
-            except StopIteration:
-                hazard.scenario.clear()
-                hazard.is_over = True
 
     def _follow_ground(self) -> None:
         """Sets actors of the ego and of hazards on the lane below them; traffic knows its own."""
@@ -249,15 +227,17 @@ class Simulation:
         distance = np.hypot(window[:, 0], window[:, 1])
         self._index += len(distance) - 1 - int(np.argmin(distance[::-1]))
 
+    def _progress(self) -> float:
+        return float(self.route.distance[self._index])
+
     def _weather(self) -> Weather:
         if not self.spec.weather:
             return Weather()
         return weather_at(self.spec.weather, 100.0 * self.route.distance[self._index] / self.route.length)
 
     def _publish(self) -> Snapshot:
-        active = [(h.stage.instance, 0) for h in self._hazards if h.script is not None and not h.is_over]
         states = self._lights.states(self._world.tick * 0.05)
-        self._recent.append(self._world.publish(states, self._weather(), np.array(active, dtype=HAZARD_DTYPE)))
+        self._recent.append(self._world.publish(states, self._weather(), self._director.active))
         return self._recent[-1]
 
 

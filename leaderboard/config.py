@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from lavsim.agent import AgentSpec, Track
 from lavsim.errors import ConfigError, UnknownName
 from lavsim.random import Draws
-from leaderboard.routes import TRAFFIC_PROFILES
+from lavsim.traffic.profiles import TRAFFIC_PROFILES
 from leaderboard.rules import Rules, get_rules
 
 

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from lavsim.errors import ConfigError, RouteError, UnknownName
 from lavsim.scenarios.base import ScenarioSpec
+from lavsim.traffic.profiles import TRAFFIC_PROFILES
 from lavsim.world.weather import Weather, WeatherKeyframe
 
 log = logging.getLogger(__name__)
 
-TRAFFIC_PROFILES = ("leaderboard", "lav", "empty")
 
 _WEATHER_1 = Weather(sun_altitude_angle=70.0, cloudiness=30.0)
 _WEATHER_2 = Weather(sun_altitude_angle=70.0, cloudiness=50.0)

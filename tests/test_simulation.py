@@ -1,5 +1,6 @@
 """One drive: repeatable, logged exactly, and undisturbed by what it does not perceive."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ from lavsim.errors import RouteError, UnknownName
 from lavsim.log.reader import LogReader
 from lavsim.log.replay import route_of, town_of
 from lavsim.log.writer import LogWriter
-from lavsim.simulation import Simulation
+from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import ActorIds, Control, Role
+from lavsim.world.lights import LightCycle
 from lavsim.world.weather import Weather, WeatherKeyframe
 from tests.drives import follow, hazard, run, straight_drive
 
@@ -86,3 +88,21 @@ def test_wrong_names_and_places_are_named() -> None:
         straight_drive(traffic="rush")
     with pytest.raises(RouteError, match="off the nearest driving lane"):
         Simulation(straight_drive(keypoints=np.array([[9000.0, 9000.0, 0.0], [9100.0, 9000.0, 0.0]])))
+
+
+def test_a_header_holds_all_that_decides_a_drive() -> None:
+    spec = straight_drive(
+        traffic="lav",
+        vehicles=12,
+        seed=5,
+        jaywalking=0.25,
+        light_cycle=LightCycle(6.0, 2.0, 1.0),
+        weather=(WeatherKeyframe(0.0, Weather()), WeatherKeyframe(100.0, Weather(precipitation=80.0))),
+        scenarios=(hazard("DynamicObjectCrossing", 40, distance="20"),),
+    )
+    first = Simulation(spec)
+    again = Simulation(DriveSpec.from_header(json.loads(json.dumps(first.header()))))
+    assert again.header() == first.header()
+    for _ in range(100):
+        control = follow(first.route, first.snapshot)
+        assert first.tick(control).pose.tobytes() == again.tick(control).pose.tobytes()

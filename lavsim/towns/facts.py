@@ -19,12 +19,16 @@ class TownFacts:
         split: "training", "test" or "full" (trains only in the full set).
         vehicles: Background vehicles of a drive.
         vehicles_per_lane_km: Density that traffic profiles go by [1/km].
+        walkers: Background walkers of a drive.
+        parked: Share of parking spaces taken.
     """
 
     layout: str
     split: str
     vehicles: int
     vehicles_per_lane_km: float
+    walkers: int = 0
+    parked: float = 0.0
 
 
 @cache
