@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +23,7 @@ from leaderboard.criteria.red_light import RedLight
 from leaderboard.criteria.route_deviation import RouteDeviation
 from leaderboard.criteria.route_timeout import RouteTimeout
 from leaderboard.criteria.scenario_timeout import ScenarioTimeout
+from leaderboard.criteria.stop_sign import StopSign
 from leaderboard.criteria.yield_emergency import YieldEmergency
 from leaderboard.progress import PlaneProgress
 from leaderboard.rules import RULES, Rules
@@ -235,6 +237,71 @@ def test_same_red_light_is_charged_again_only_after_another_one() -> None:
     assert len(red_light(V1, snapshots + snapshots)) == 1
     both = [ego_at(s.ego.x, tick=s.tick, lights=(LightState.RED, LightState.RED)) for s in snapshots]
     assert len(red_light(V1, both)) > 2  # two lights over one line take turns
+
+
+# ---------------------------------------------------------------- stop sign
+
+STOP_BOX = 50.0  # [m] along the road
+
+
+def stop_sign(post: float = 1.0, **changes: Any) -> Any:
+    """A stop sign whose post stands `post` metres beside the lane's centre; its box spans the lane before x = 52."""
+    fields = {"kind": "stop", "signal_id": 7, "x": STOP_BOX, "y": post, "z": 0.0, "trigger": (50.0, 0.0, 0.0, 1.5, 1.5)}
+    return SimpleNamespace(**{**fields, **changes})
+
+
+def passes(rules: Rules, sign: Any, speeds: Sequence[float] | None = None, yaw: float = 0.0) -> list[Any]:
+    """Drives 100 m along the road past `sign`."""
+    steps = STEPS if yaw == 0.0 else STEPS[::-1]
+    speeds = speeds or [8.0] * len(steps)
+    snapshots = [ego_at(x, tick=k, speed=v, yaw=yaw) for k, (x, v) in enumerate(zip(steps, speeds, strict=True))]
+    return drive(StopSign(rules), snapshots, StripTown(signs=[sign]))
+
+
+def stopping_at(place: float) -> list[float]:
+    """Speeds along `STEPS` of a car that comes to rest at `place` for a tick."""
+    nearest = min(STEPS, key=lambda x: abs(x - place))
+    return [0.0 if x == nearest else 8.0 for x in STEPS]
+
+
+@pytest.mark.parametrize("rules", [V1, V20], ids=["1.0", "2.x"])
+def test_stop_sign_fires_once_on_who_drives_through(rules: Rules) -> None:
+    (infraction,) = passes(rules, stop_sign())
+    assert infraction.key == "stop_infraction"
+    assert infraction.message == "Agent ran a stop 7 at (x=50.0, y=1.0, z=0.0)"
+
+
+@pytest.mark.parametrize("rules", [V1, V20], ids=["1.0", "2.x"])
+def test_stop_sign_spares_who_stops_before_it(rules: Rules) -> None:
+    assert not passes(rules, stop_sign(), stopping_at(47.2))
+
+
+def test_a_stop_twenty_metres_early_satisfies_the_first_generation_alone() -> None:
+    assert not passes(V1, stop_sign(), stopping_at(35.0))
+    assert passes(V20, stop_sign(), stopping_at(35.0))
+
+
+def test_the_first_generation_never_charges_a_sign_whose_post_stands_off_the_lane() -> None:
+    assert not passes(V1, stop_sign(post=3.0))
+    assert passes(V20, stop_sign(post=3.0))
+
+
+@pytest.mark.parametrize("rules", [V1, V20], ids=["1.0", "2.x"])
+def test_stop_sign_spares_who_drives_the_other_way(rules: Rules) -> None:
+    assert not passes(rules, stop_sign(), yaw=math.pi)
+
+
+@pytest.mark.parametrize("rules", [V1, V20], ids=["1.0", "2.x"])
+def test_stop_sign_spares_other_signs_and_other_levels(rules: Rules) -> None:
+    assert not passes(rules, stop_sign(kind="yield"))
+    assert not passes(rules, stop_sign(z=8.0))
+
+
+def test_the_second_generation_charges_one_sign_once_until_another_is_run() -> None:
+    there_twice = [*STEPS, *STEPS]
+    snapshots = [ego_at(x, tick=k) for k, x in enumerate(there_twice)]
+    assert len(drive(StopSign(V20), snapshots, StripTown(signs=[stop_sign()]))) == 1
+    assert len(drive(StopSign(V1), snapshots, StripTown(signs=[stop_sign()]))) == 2
 
 
 # ---------------------------------------------------------------- deviation

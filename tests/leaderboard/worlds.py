@@ -40,10 +40,15 @@ class StripTown:
 
     name = "strips"
 
-    def __init__(self, strips: Sequence[Strip] = (Strip(),), lights: Sequence[Any] = ()) -> None:
+    def __init__(
+        self, strips: Sequence[Strip] = (Strip(),), lights: Sequence[Any] = (), signs: Sequence[Any] = ()
+    ) -> None:
         self.strips = list(strips)
         self.lights = tuple(lights)
+        self.signs = tuple(signs)
         self.lanes = SimpleNamespace(
+            length=np.array([s.x1 - s.x0 for s in strips]),
+            successors=lambda lane: np.zeros(0, np.int32),
             road_id=np.array([s.road for s in strips]),
             lane_id=np.array([s.lane for s in strips]),
             type=np.array([int(s.type) for s in strips]),
@@ -56,9 +61,16 @@ class StripTown:
         strips = [self.strips[lane] for lane, _ in rows]
         return SimpleNamespace(
             lane=np.array([lane for lane, _ in rows]),
+            u=np.array([(p[0] - s.x0) * math.cos(s.yaw) for p, s in zip(points, strips, strict=True)]),
             distance=np.array([distance for _, distance in rows]),
             width=np.array([s.width for s in strips]),
             yaw=np.array([s.yaw for s in strips]),
+        )
+
+    def centre(self, lane: np.ndarray, u: np.ndarray) -> np.ndarray:
+        strips = [self.strips[k] for k in lane]
+        return np.array(
+            [(s.x0 + along * math.cos(s.yaw), s.y, 0.0, s.yaw, 0.0) for s, along in zip(strips, u, strict=True)]
         )
 
     def _nearest(self, point: np.ndarray, types: int) -> tuple[int, float]:
