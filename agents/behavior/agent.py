@@ -24,6 +24,8 @@ YELLOW_BRAKING = 3.0  # [m/s²] it stops at yellow if that much suffices
 LAST_BRAKING = 8.0  # [m/s²] or this much, if its rear would not be over the line before red
 YELLOW = 3.0  # [s] CARLA's yellow
 OVER_LINE = 2.5  # [m] over a stop line at which it still stops for red: the rear decides
+AT_REST = 0.05  # [m/s] below the 0.1 that counts as stopped
+SIGN_REACH = 2.5  # [m] before the end of its lane a stop counts for a stop sign, by the stricter rules of 2.x
 JUNCTION_OPTIONS = (RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT)
 DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] without a map
 SAME_LEVEL = 3.0  # [m] actors farther apart in z don't meet
@@ -74,13 +76,16 @@ class Expert:
         self.manner = manner or Manner()
         limits = limits_along(path, town) if town is not None else np.full(len(path), DEFAULT_LIMIT)
         self.profile = speed_profile(path, limits, self.manner)
-        self.stops: list[StopPoint] = stop_points(path, town) if town is not None else []
+        stops: list[StopPoint] = stop_points(path, town) if town is not None else []
+        self.stops = [stop for stop in stops if stop.light >= 0]
+        self.signs = [stop for stop in stops if stop.light < 0]
         self.junctions = path.spans(JUNCTION_OPTIONS)
         self._tracker = PathTracker(path)
         self._forecaster = Forecaster(TrackBook(town) if town is not None else None)
         self._controller = Controller()
         self._goes: set[int] = set()  # stop lines it decided to cross at yellow
         self._yellow_since: dict[int, float] = {}
+        self._signs_done = 0  # stop signs at which it has stood or which lie behind it
         self._waiting = 0.0  # [s] it has stood for others
         self._time = -math.inf
         self.reason = ""  # what held it back last: for pictures and debugging
@@ -104,6 +109,7 @@ class Expert:
         met = meetings(self.path, ego, forecast, self.manner, self._patience(truth, speed))
         bounds += [(f"actor {int(truth['ids'][m.row])}", m.acceleration) for m in met]
         bounds.append(("light", self._lights(ego, truth["lights"])))
+        bounds.append(("stop sign", self._stop_sign(ego)))
         bounds.append(("junction", self._junction(ego, met)))
         bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner)))
         self.reason, acceleration = min(bounds, key=lambda bound: bound[1])
@@ -146,6 +152,15 @@ class Expert:
                 room = painted
             lowest = min(lowest, stopping(ego.speed, room - LINE_GAP, self.manner))
         return lowest
+
+    def _stop_sign(self, ego: Ego) -> float:
+        """Acceleration that the next stop sign leaves until the ego has stood before it [m/s²]."""
+        while self._signs_done < len(self.signs):
+            room = self.signs[self._signs_done].s - ego.s - ego.half_length
+            if room >= -OVER_LINE and not (ego.speed < AT_REST and room < SIGN_REACH):
+                return stopping(ego.speed, room - LINE_GAP, self.manner) if room < 60.0 else math.inf
+            self._signs_done += 1
+        return math.inf
 
     def _crosses_at_yellow(self, ego: Ego, room: float, since: float) -> bool:
         """Whether to go on with `room` metres to the line, `since` seconds into yellow."""

@@ -22,11 +22,11 @@ MAX_TRACKS = 6  # ways on from one lane that are looked at
 
 @dataclass(frozen=True)
 class StopPoint:
-    """Where a red light holds the path.
+    """Where a red light or a stop sign holds the path.
 
     Attributes:
         s: End of the approach lane, which the rear must not cross at red [m along the path].
-        light: The light that governs it.
+        light: The light that governs it; -1 at a stop sign.
         before: How far before it the stop line is painted, a crosswalk in between [m].
     """
 
@@ -43,19 +43,20 @@ def limits_along(path: ReferencePath, town: TownMap) -> Floats:
 
 def stop_points(path: ReferencePath, town: TownMap) -> list[StopPoint]:
     """Stop lines that the path crosses, in order; one that is passed twice is there twice."""
+    lines = [(line, light.index) for light in town.lights for line in light.stop_lines]
+    lines += [(line, -1) for sign in town.signs if sign.kind == "stop" for line in sign.stop_lines]
     found: list[StopPoint] = []
-    for light in town.lights:
-        for line in light.stop_lines:
-            distance = np.hypot(path.xy[:, 0] - line.x, path.xy[:, 1] - line.y)
-            aligned = np.abs(wrap_angle(path.yaw - line.yaw)) < 0.8
-            near = np.flatnonzero((distance < LINE_REACH) & aligned)
-            for visit in np.split(near, np.flatnonzero(np.diff(near) > 10) + 1):
-                if len(visit):
-                    nearest = int(visit[np.argmin(distance[visit])])
-                    dx, dy = line.x - path.xy[nearest, 0], line.y - path.xy[nearest, 1]
-                    yaw = path.yaw[nearest]
-                    s = nearest * STEP + float(dx * np.cos(yaw) + dy * np.sin(yaw))
-                    found.append(StopPoint(s, light.index, line.u - line.paint_u))
+    for line, light in lines:
+        distance = np.hypot(path.xy[:, 0] - line.x, path.xy[:, 1] - line.y)
+        aligned = np.abs(wrap_angle(path.yaw - line.yaw)) < 0.8
+        near = np.flatnonzero((distance < LINE_REACH) & aligned)
+        for visit in np.split(near, np.flatnonzero(np.diff(near) > 10) + 1):
+            if len(visit):
+                nearest = int(visit[np.argmin(distance[visit])])
+                dx, dy = line.x - path.xy[nearest, 0], line.y - path.xy[nearest, 1]
+                yaw = path.yaw[nearest]
+                s = nearest * STEP + float(dx * np.cos(yaw) + dy * np.sin(yaw))
+                found.append(StopPoint(s, light, line.u - line.paint_u))
     return sorted(found, key=lambda point: point.s)
 
 

@@ -227,6 +227,16 @@ def test_green_light_is_not() -> None:
     assert min(road.speeds) > 6.0
 
 
+def test_stop_sign_is_stood_at_once_and_then_passed() -> None:
+    made = expert()
+    made.signs = [StopPoint(60.0, -1)]
+    road = Road(made, speed=8.0).drive(25.0)
+    still = [k for k, speed in enumerate(road.speeds) if speed < 0.1]
+    assert still, "it came to rest"
+    assert len(still) < 3.0 / DT, "and went on"
+    assert road.x > 90.0
+
+
 def test_yellow_stops_who_can_and_spares_who_cannot() -> None:
     def turning(time: float) -> LightState:
         return LightState.YELLOW if time < 3.0 else LightState.RED
@@ -308,7 +318,7 @@ def test_route_of_the_bundled_town_is_driven_along_its_middle() -> None:
     keypoints = np.array([start.xyz, start.ahead(150.0).xyz, start.ahead(300.0).xyz])
     route = get_planner(town).trace(keypoints)
     path = path_through(np.asarray(route.points), np.asarray(route.yaw), np.asarray(route.command))
-    driver = Expert(path, SimpleNamespace(nearest=town.nearest, lanes=lanes, lights=()))  # type: ignore[arg-type]
+    driver = Expert(path, SimpleNamespace(nearest=town.nearest, lanes=lanes, lights=(), signs=()))  # type: ignore[arg-type]
     road = Road(driver, speed=0.0, x=route.points[0, 0], y=route.points[0, 1], yaw=float(route.yaw[0])).drive(60.0)
     assert max(abs(o) for o in road.offsets[: 20 * 40]) < 0.15
     assert PathTracker(path).path.end > 250.0
