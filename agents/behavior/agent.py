@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,10 +40,11 @@ def get_entry_point() -> str:
 class BehaviorAgent(Agent):
     """Keeps lanes, turns, stops for lights, vehicles and walkers; on `Track.PRIVILEGED`."""
 
+    _dense: Sequence[tuple[Any, Any]] = ()  # set by `set_global_plan`, which in 2.x comes before `setup`
+
     def setup(self, path_to_conf_file: str | None) -> None:
         self.track = Track.PRIVILEGED
         self._expert: Expert | None = None
-        self._dense: list[tuple[Any, Any]] = []
 
     def sensors(self) -> list[dict[str, Any]]:
         return [{"type": "sensor.lavsim.truth", "id": "truth", "radius": RADIUS}]

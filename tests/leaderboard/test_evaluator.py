@@ -247,3 +247,9 @@ def test_sensor_limits_go_by_generation_and_track() -> None:
     ):
         with pytest.raises(AgentFailure):
             check_sensors(two, track, expected, rules)
+
+
+@pytest.mark.parametrize("rules", ["1.0", "2.1"])
+def test_the_expert_drives_under_either_generation(tmp_path: Path, rules: str) -> None:
+    run = evaluate(config(tmp_path, "go", agent="agents.behavior:BehaviorAgent", agent_config=None, rules=rules))
+    assert statuses(run) == ["Completed" if rules == "1.0" else "Perfect"]
