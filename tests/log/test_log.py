@@ -1,137 +1,44 @@
-"""Recorded drives: exact, cut anywhere, and refused when damaged."""
+"""Recorded drives on disk: exact, cut anywhere, and refused when damaged."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from lavsim.errors import LogError
-from lavsim.log.codec import decode_block, encode_block
+from lavsim.log.codec import BLOCK_TICKS
 from lavsim.log.reader import LogReader
-from lavsim.log.writer import LogWriter
-from lavsim.types import ActorClass, Role
-from lavsim.world.snapshot import CONTACT_DTYPE, HAZARD_DTYPE, ActorTable, Snapshot
+from lavsim.log.writer import MAGIC
+from tests.log.made import assert_same, write_log
 
-ARRAYS = (
-    "rows",
-    "pose",
-    "velocity",
-    "state",
-    "ego_motion",
-    "control",
-    "lights",
-    "contacts",
-    "weather_values",
-    "hazards",
-)
-
-
-def table_of(count: int) -> ActorTable:
-    return ActorTable.empty().extended(
-        [
-            {"id": 1 + 7 * k, "class": ActorClass.CAR, "role": Role.TRAFFIC if k else Role.EGO,
-             "size": (4.5 + 0.1 * k, 1.9, 1.5), "colour": (k, 2, 3), "blueprint": f"vehicle.{k}"}
-            for k in range(count)
-        ]
-    )  # fmt: skip
-
-
-def snapshot_at(tick: int, actors: int, rng: np.random.Generator) -> Snapshot:
-    rows = np.concatenate([[0], 1 + np.flatnonzero(rng.random(actors - 1) < 0.8)]).astype(np.int32)
-    n = len(rows)
-    contacts = np.zeros(int(rng.integers(0, 3)), CONTACT_DTYPE)
-    contacts["impulse"] = rng.random(len(contacts))
-    return Snapshot(
-        tick=tick,
-        table=table_of(actors),
-        rows=rows,
-        pose=rng.integers(-(2**31), 2**31 - 1, (n, 5)).astype(np.int32),
-        velocity=rng.integers(-4000, 4000, (n, 3)).astype(np.int32),
-        state=rng.integers(0, 2000, (n, 3)).astype(np.int32),
-        ego_motion=rng.normal(size=6).astype(np.float32),
-        control=rng.random(5).astype(np.float32),
-        lights=rng.integers(0, 5, 9).astype(np.uint8),
-        contacts=contacts,
-        weather_values=rng.random(10).astype(np.float32),
-        hazards=np.zeros(int(rng.integers(0, 2)), HAZARD_DTYPE),
-        agent_status=int(rng.integers(0, 3)),
-    )
-
-
-def assert_same(first: Snapshot, second: Snapshot) -> None:
-    assert (first.tick, first.agent_status) == (second.tick, second.agent_status)
-    for name in ARRAYS:
-        a, b = getattr(first, name), getattr(second, name)
-        assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()), name
-    assert first.ids.tolist() == second.ids.tolist()
-
-
-@given(seed=st.integers(0, 10_000), ticks=st.integers(1, 30), actors=st.integers(1, 12))
-@settings(max_examples=40, deadline=None)
-def test_a_block_gives_back_every_bit(seed: int, ticks: int, actors: int) -> None:
-    rng = np.random.default_rng(seed)
-    snapshots = [snapshot_at(100 + t, actors, rng) for t in range(ticks)]
-    for before, after in zip(snapshots, decode_block(encode_block(snapshots), table_of(actors)), strict=True):
-        assert_same(before, after)
-
-
-@given(values=hnp.arrays(np.int32, (4, 11)))
-@settings(max_examples=20, deadline=None)
-def test_extreme_integers_survive(values: np.ndarray) -> None:
-    base = snapshot_at(0, 1, np.random.default_rng(0))
-    snapshots = [
-        Snapshot(**{**vars_of(base), "tick": t, "pose": v[None, :5].copy(), "velocity": v[None, 5:8].copy(),
-                    "state": v[None, 8:].copy()})
-        for t, v in enumerate(values)
-    ]  # fmt: skip
-    for before, after in zip(snapshots, decode_block(encode_block(snapshots), table_of(1)), strict=True):
-        assert_same(before, after)
-
-
-def vars_of(snapshot: Snapshot) -> dict[str, Any]:
-    return {name: getattr(snapshot, name) for name in (*ARRAYS, "tick", "table", "agent_status")}
-
-
-@dataclass
-class FakeSimulation:
-    def header(self) -> dict[str, Any]:
-        return {"town": "nowhere", "seed": 3}
-
-
-class FakeResult:
-    def summary(self) -> dict[str, Any]:
-        return {"ending": "completed"}
-
-
-def write_log(path: Path, ticks: int = 250) -> list[Snapshot]:
-    rng = np.random.default_rng(1)
-    snapshots = [snapshot_at(t, 5 if t < 120 else 8, rng) for t in range(ticks)]
-    writer = LogWriter(path, {"look": "fast"})
-    writer.start(FakeSimulation())  # type: ignore[arg-type]
-    for snapshot in snapshots:
-        assert writer.observe(snapshot) is None
-    writer.finish(FakeResult())  # type: ignore[arg-type]
-    return snapshots
+TICKS = 2 * BLOCK_TICKS + 50
 
 
 def test_a_log_reads_back_what_was_seen(tmp_path: Path) -> None:
-    snapshots = write_log(tmp_path / "a.lavlog")
+    snapshots = write_log(tmp_path / "a.lavlog", TICKS)
     reader = LogReader(tmp_path / "a.lavlog")
     assert reader.header["town"] == "nowhere"
     assert reader.header["look"] == "fast"
     assert reader.status == {"ending": "completed"}
-    assert len(reader) == 250
+    assert len(reader) == TICKS
     for before, after in zip(snapshots, reader, strict=True):
         assert_same(before, after)
-    assert_same(reader[137], snapshots[137])
-    assert_same(reader[-1], snapshots[-1])
-    with pytest.raises(IndexError, match="holds 250 ticks"):
-        reader[250]
+    assert np.array_equal(reader.controls(), [s.control for s in snapshots])
+
+
+def test_any_tick_is_found_in_any_order(tmp_path: Path) -> None:
+    snapshots = write_log(tmp_path / "a.lavlog", TICKS)
+    reader = LogReader(tmp_path / "a.lavlog")
+    border = BLOCK_TICKS
+    for index in (137, 0, border, border - 1, 2 * border, TICKS - 1, -1, -TICKS):
+        assert_same(reader[index], snapshots[index])
+        assert_same(reader.at_tick(snapshots[index].tick), snapshots[index])
+    for index in (TICKS, -TICKS - 1):
+        with pytest.raises(IndexError, match=f"holds {TICKS} ticks"):
+            reader[index]
+    for tick in (snapshots[0].tick - 1, snapshots[-1].tick + 1):
+        with pytest.raises(IndexError, match=f"a.lavlog holds no tick {tick}"):
+            reader.at_tick(tick)
 
 
 def test_two_writings_give_the_same_bytes(tmp_path: Path) -> None:
@@ -140,28 +47,81 @@ def test_two_writings_give_the_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "a.lavlog").read_bytes() == (tmp_path / "b.lavlog").read_bytes()
 
 
-def test_a_log_cut_anywhere_reads_up_to_its_last_whole_block(tmp_path: Path) -> None:
-    snapshots = write_log(tmp_path / "a.lavlog")
-    data = (tmp_path / "a.lavlog").read_bytes()
-    lengths = set()
-    for cut in range(400, len(data), 997):
-        (tmp_path / "cut.lavlog").write_bytes(data[:cut])
-        reader = LogReader(tmp_path / "cut.lavlog")
+def test_a_log_cut_at_any_byte_reads_up_to_its_last_whole_block(tmp_path: Path) -> None:
+    whole, cut = tmp_path / "a.lavlog", tmp_path / "cut.lavlog"
+    snapshots = write_log(whole, 5, block_ticks=2)
+    data = whole.read_bytes()
+    lengths: list[int] = []
+    for end in range(len(data)):
+        cut.write_bytes(data[:end])
+        reader = open_or_none(cut)
+        if reader is None:
+            assert not lengths, "a longer piece can't be opened"
+            continue
         assert reader.status is None
-        lengths.add(len(reader))
-        for before, after in zip(snapshots, reader, strict=False):
-            assert_same(before, after)
-    assert lengths <= {0, 100, 200, 250}
-    assert 100 in lengths
+        if [len(reader)] != lengths[-1:]:
+            for before, after in zip(snapshots, reader, strict=False):
+                assert_same(before, after)
+        lengths.append(len(reader))
+    assert sorted(set(lengths)) == [0, 2, 4, 5]
+    assert lengths == sorted(lengths)
 
 
-def test_a_flipped_bit_is_found(tmp_path: Path) -> None:
-    write_log(tmp_path / "a.lavlog")
+def open_or_none(path: Path) -> LogReader | None:
+    """The log, or None where it is cut before the end of its header and says so."""
+    short = path.stat().st_size <= len(MAGIC)
+    try:
+        return LogReader(path)
+    except LogError as error:
+        problem = str(error)
+    assert problem.startswith(
+        "cut.lavlog is no recorded drive" if short else "cut.lavlog is cut before the end of its "
+    )
+    return None
+
+
+@pytest.mark.slow
+def test_a_longer_log_cut_at_random_bytes_reads_up_to_its_last_whole_block(tmp_path: Path) -> None:
+    whole, cut = tmp_path / "a.lavlog", tmp_path / "cut.lavlog"
+    snapshots = write_log(whole, 3000)
+    data = whole.read_bytes()
+    lengths = {}
+    for end in np.random.default_rng(0).integers(1000, len(data), 200):
+        cut.write_bytes(data[:end])
+        reader = LogReader(cut)
+        lengths[int(end)] = len(reader)
+        for index in {0, len(reader) // 2, len(reader) - 1} if len(reader) else ():
+            assert_same(reader[index], snapshots[index])
+    assert all(length % BLOCK_TICKS == 0 for length in lengths.values())
+    assert [lengths[end] for end in sorted(lengths)] == sorted(lengths.values())
+
+
+def test_a_flipped_bit_is_found_wherever_it_is(tmp_path: Path) -> None:
+    """Most are found when the log is opened; those in blocks of ticks when the block is read, others stay readable."""
+    whole, bad = tmp_path / "a.lavlog", tmp_path / "bad.lavlog"
+    snapshots = write_log(whole, 5, block_ticks=2)
+    data = whole.read_bytes()
+    for at in range(0, len(data), 3):
+        flipped = bytearray(data)
+        flipped[at] ^= 1 << at % 8
+        bad.write_bytes(flipped)
+        with pytest.raises(LogError, match=r"^bad\.lavlog") as caught:
+            list(LogReader(bad))
+        if at > len(MAGIC):
+            assert "damaged (checksum differs)" in str(caught.value)
+        if "the block at tick 2 is" in str(caught.value):
+            reader = LogReader(bad)
+            assert_same(reader[1], snapshots[1])
+            assert_same(reader[4], snapshots[4])
+
+
+def test_a_log_of_a_later_format_is_refused_by_name(tmp_path: Path) -> None:
+    write_log(tmp_path / "a.lavlog", 3)
     data = bytearray((tmp_path / "a.lavlog").read_bytes())
-    data[len(data) // 2] ^= 4
+    data[len(MAGIC)] += 1
     (tmp_path / "a.lavlog").write_bytes(data)
-    with pytest.raises(LogError, match="damaged"):
-        list(LogReader(tmp_path / "a.lavlog"))
+    with pytest.raises(LogError, match=r"^a\.lavlog has log format 3; this version of lavsim reads 2\.$"):
+        LogReader(tmp_path / "a.lavlog")
 
 
 @pytest.mark.parametrize(("content", "message"), [(b"hello world", "is no recorded drive"), (b"", "is no recorded")])
