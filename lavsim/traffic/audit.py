@@ -20,6 +20,7 @@ from lavsim.world.snapshot import Snapshot
 EVERY = 5  # ticks between two looks; contacts are read in every tick
 STANDING = 0.1  # [m/s]
 HALTED = 0.3  # [m/s] slow enough before a stop sign
+QUEUED = 1.0  # [m/s] slower than that, a vehicle belongs to a queue
 HALT_ZONE = 6.0  # [m] before the line, in which a halt counts
 CROSSING_ZONE = 12.0  # [m] before a line, within which its crossing is watched for; 0.25 s at 48 m/s
 QUEUE_RANGE = 150.0  # [m] a light this far ahead explains why a vehicle stands
@@ -29,7 +30,7 @@ HARSH = -4.0  # [m/s²] braking that passengers complain about
 EMERGENCY = -6.5  # [m/s²] what a dry road hardly gives
 SAME_CONTACT = 2.0  # [s] a pair that touches again within that is the same event
 JUMP = 6.0  # [m] beyond its speed that a vehicle was set somewhere else
-NEAR_MISS_TIME = 1.0  # [s] to a contact if both go on as they do
+NEAR_MISS_TIME = 0.5  # [s] to a contact if both go on as they do; who stops in a queue stays above that
 NEAR_MISS_SPEED = 2.0  # [m/s] between them; slower is squeezing past in a queue
 MOST_INCIDENTS = 5_000
 
@@ -47,6 +48,7 @@ class _Columns:
         self.lane = np.full(0, -1, np.int32)
         self.line = np.full(0, -1, np.int64)  # stop line ahead
         self.before = np.zeros(0)  # distance from the front to it [m]
+        self.has_queued = np.zeros(0, np.bool_)  # stood or nearly so since its last line
         self.has_halted = np.zeros(0, np.bool_)
         self.is_off = np.zeros(0, np.bool_)
         self.still = np.zeros(0)  # [s] standing
@@ -103,6 +105,8 @@ class TrafficAudit:
         self._lines = build_stop_lines(town, QUEUE_RANGE)
         self._columns = _Columns()
         self._lights: NDArray[np.uint8] | None = None
+        self._green_since = np.zeros(len(town.lights), np.int64)  # tick of the look that first saw it green
+        self._last_crossing: dict[int, int] = {}  # tick by stop line
         self._last_contact: dict[tuple[int, int], int] = {}
         self._last_near_miss: dict[tuple[int, int], int] = {}
         self._counts = dict.fromkeys(
@@ -112,7 +116,7 @@ class TrafficAudit:
         )  # fmt: skip
         self._sums = dict.fromkeys(
             ("looks", "vehicles", "moved", "metres", "ratio", "ratio_metres", "speed", "standing", "off", "against",
-             "jerk", "jerks"), 0.0,
+             "jerk", "jerks", "headways", "headway"), 0.0,
         )  # fmt: skip
         self._worst = dict.fromkeys(("off", "still", "side"), 0.0)
 
@@ -143,7 +147,7 @@ class TrafficAudit:
         c.xy[look.rows], c.speed[look.rows], c.lane[look.rows] = look.xy, look.speed, look.centre.lane
         slowest[:] = np.inf
         c.line[look.rows], c.before[look.rows] = line, before
-        self._lights = snapshot.lights
+        self._note_greens(snapshot)
 
     def report(self) -> TrafficReport:
         """What came of it so far."""
@@ -161,6 +165,7 @@ class TrafficAudit:
             against=s["against"] / n,
             longest_stop=self._worst["still"],
             jerk=float(np.sqrt(s["jerk"] / max(s["jerks"], 1.0))),
+            saturation_flow=3600.0 * s["headways"] / s["headway"] if s["headway"] else 0.0,
             side_acceleration=self._worst["side"],
             **self._counts,
         )
@@ -275,8 +280,10 @@ class TrafficAudit:
         crossed[near] = lines.crossed(last[near], look.front_xy[near])
         for k in np.flatnonzero(crossed).tolist():
             light = int(lines.light[last[k]])
-            kind = "stop" if light < 0 else "red"
-            self._counts[f"{kind}_chances"] += 1
+            self._counts["stop_chances" if light < 0 else "red_chances"] += 1
+            if light >= 0:
+                self._measure_headway(snapshot.tick, int(last[k]), light, bool(c.has_queued[rows[k]]))
+            c.has_queued[rows[k]] = False
             if light < 0 and not c.has_halted[rows[k]]:
                 self._counts["stop_signs"] += 1
                 self._note("stop_sign", snapshot, (self._id(snapshot, look, k),), look.front_xy[k],
@@ -285,9 +292,24 @@ class TrafficAudit:
                 self._counts["red_lights"] += 1
                 self._note("red_light", snapshot, (self._id(snapshot, look, k),), look.front_xy[k],
                            f"light {light} passed at {look.speed[k]:.1f} m/s")  # fmt: skip
+        c.has_queued[rows] |= c.slowest[rows] < QUEUED
         in_zone = (line >= 0) & (before < HALT_ZONE)
         halts = in_zone & (c.slowest[rows] < HALTED)
         c.has_halted[rows] = (c.has_halted[rows] & in_zone & (line == last)) | halts
+
+    def _measure_headway(self, tick: int, line: int, light: int, queued: bool) -> None:
+        """Takes up the time between two vehicles of a queue that passed a line in the same green."""
+        before = self._last_crossing.get(line, -1)
+        self._last_crossing[line] = tick
+        if queued and before > self._green_since[light] > 0:
+            self._sums["headways"] += 1.0
+            self._sums["headway"] += (tick - before) * DT
+
+    def _note_greens(self, snapshot: Snapshot) -> None:
+        if self._lights is not None:
+            turned = (snapshot.lights == LightState.GREEN) & (self._lights != LightState.GREEN)
+            self._green_since[turned] = snapshot.tick
+        self._lights = snapshot.lights
 
     def _is_red(self, light: int) -> bool:
         """Whether the light was red at the last look: who crosses as it turns red came at yellow."""

@@ -47,7 +47,7 @@ class TrafficReport:
         red_chances: Stop lines crossed in all, where a light governs.
         stop_signs: Stop signs passed without a halt.
         stop_chances: Stop signs passed.
-        near_misses: Pairs, one of traffic, within 1 s of a contact at a closing speed that hurts.
+        near_misses: Pairs, one of traffic, within 0.5 s of a contact at a closing speed that hurts.
         off_lane: Times that a vehicle's centre left all driving lanes.
         off_lane_share: Share of vehicle time there.
         off_lane_worst: Farthest beyond the edge of the nearest lane [m].
@@ -60,6 +60,7 @@ class TrafficReport:
         emergency_brakes: The same beyond 6.5 m/s².
         jerk: Root mean square [m/s³].
         side_acceleration: Largest [m/s²].
+        saturation_flow: Of queues that discharge at green, after their first vehicle [vehicles/h/lane].
         jumps: Vehicles set somewhere else.
     """
 
@@ -91,6 +92,7 @@ class TrafficReport:
     emergency_brakes: int
     jerk: float
     side_acceleration: float
+    saturation_flow: float
     jumps: int
 
     def as_dict(self) -> dict[str, Any]:

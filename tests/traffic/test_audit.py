@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lavsim.map.town_map import TownMap
+from lavsim.map.town_map import TownMap, build_town
+from lavsim.map.write import write_network
+from lavsim.towns.layout import Layout
 from lavsim.traffic.audit import TrafficAudit, TrafficReport
 from lavsim.traffic.audit_geometry import boxes_about_to_meet, build_stop_lines
 from lavsim.types import DT, ActorClass, LightState, Role
@@ -92,11 +94,25 @@ def test_who_waits_over_the_line_runs_no_red_light() -> None:
     assert watched(town, moments, [RED] * len(moments)).report().red_lights == 0
 
 
-def stop_town() -> TownMap:
-    from lavsim.map.town_map import build_town
-    from lavsim.map.write import write_network
-    from lavsim.towns.layout import Layout
+@pytest.mark.parametrize(("queued", "flow"), [(True, 1800.0), (False, 0.0)])
+def test_saturation_flow_is_that_of_queued_vehicles_within_one_green(queued: bool, flow: float) -> None:
+    """Four cars, 2 s apart, start at green; the first, which reacts to the light, is left out."""
+    town = worlds.crossing()
+    line = line_x(town)
+    moments = []
+    for tick in range(300):
+        cars = []
+        for k in range(4):
+            way = max(0.0, (tick - 40 - 40 * k) * 0.25)
+            x = line - 4.0 - 6.0 * k + way * (1.0 + 0.6 * k)
+            speed = 0.0 if way == 0.0 and queued else 5.0
+            cars.append(replace(CAR, id=1000 + k, x=min(x, line + 10.0), y=1.75, speed=speed))
+        moments.append(cars)
+    report = watched(town, moments, [RED] * 20 + [GREEN] * 280).report()
+    assert report.saturation_flow == pytest.approx(flow, rel=0.15)
 
+
+def stop_town() -> TownMap:
     layout = Layout("stops")
     layout.junction("tee", 0.0, 0.0, control="all stop")
     layout.street("West Street", (-80.0, 0.0), "tee", speed=50)
@@ -220,8 +236,8 @@ def test_a_vehicle_set_elsewhere_is_a_jump_and_drives_no_distance() -> None:
 
 
 @pytest.mark.parametrize(("x", "expected"), [(45.0, 1), (70.0, 0)])
-def test_a_near_miss_is_who_would_touch_within_a_second(x: float, expected: int) -> None:
-    """A car at 10 m/s behind one that stands `x` - 40 m before it, 4 m of it car."""
+def test_a_near_miss_is_who_would_touch_within_half_a_second(x: float, expected: int) -> None:
+    """A car that comes to 35 … 40 m at 10 m/s, and one that stands 45 m or 70 m along."""
     ahead = replace(CAR, id=1001, x=x, y=1.75)
     report = watched(worlds.straight(), [[car, ahead] for (car,) in eastward(35.0, 40.0)]).report()
     assert report.near_misses == expected
