@@ -1,0 +1,210 @@
+"""Independent tasks on one process, several, or a Ray cluster: the same tasks, the same results.
+
+A task and its result cross between our own processes only; what is large goes to disk where the task itself writes it.
+A worker that dies takes one task with it: the task is tried once more, then reported as lost, and the others go on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+from lavsim.errors import ConfigError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+Report = Callable[[Any], None]
+Work = Callable[[T, Report], R]
+
+_DEATHS = 2  # of workers after which what is left runs one task at a time
+_POLL = 0.2  # [s] between looks at what workers report
+_SINGLE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Done(Generic[T, R]):
+    """A task that is over.
+
+    Attributes:
+        task: As it was given.
+        result: What came of it; None when it was lost.
+        lost: Why there is no result, else None.
+    """
+
+    task: T
+    result: R | None
+    lost: str | None = None
+
+
+class Executor(Protocol):
+    """Runs tasks; the order in which they end is nobody's promise."""
+
+    def run(self, work: Work[T, R], tasks: Sequence[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
+        """Runs `work(task, report)` for each task and gives each as it ends.
+
+        Args:
+            work: A function at the top of a module; what it raises ends the run.
+            tasks: What to do.
+            on_report: Called in this process with what tasks report on their way.
+        """
+
+
+class SerialExecutor:
+    """One task after the other in this process."""
+
+    def run(self, work: Work[T, R], tasks: Sequence[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
+        report = on_report or _ignore
+        for task in tasks:
+            yield Done(task, work(task, report))
+
+
+class ProcessExecutor:
+    """Tasks on `workers` processes of this machine."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+
+    def run(self, work: Work[T, R], tasks: Sequence[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
+        report = on_report or _ignore
+        left: Sequence[T] = tasks
+        for _ in range(_DEATHS):
+            left = yield from self._pool(work, left, self._workers, report)
+        for task in left:  # one of them kills its process; alone, it takes no other with it
+            if (yield from self._pool(work, [task], 1, report)):
+                yield Done(task, None, "its process was killed")
+
+    def _pool(
+        self, work: Work[T, R], tasks: Sequence[T], workers: int, report: Report
+    ) -> Generator[Done[T, R], None, list[T]]:
+        """Runs `tasks` until all are done or a worker dies; returns those not done."""
+        if not tasks:
+            return []
+        context = multiprocessing.get_context("spawn")
+        reports = context.SimpleQueue()
+        left: list[T] = []
+        with _single_threaded(), ProcessPoolExecutor(workers, context, _prepare, (reports, os.getpid())) as pool:
+            futures: dict[Future[R], T] = {pool.submit(_run, work, task): task for task in tasks}
+            pending = set(futures)
+            try:
+                while pending:
+                    ended, pending = wait(pending, _POLL, FIRST_COMPLETED)
+                    while not reports.empty():
+                        report(reports.get())
+                    for future in (f for f in futures if f in ended):
+                        try:
+                            yield Done(futures[future], future.result())
+                        except BrokenProcessPool:
+                            left.append(futures[future])
+            finally:
+                if pending:  # interrupted, or a task raised: what still runs is of no use to anybody
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    for process in list((pool._processes or {}).values()):
+                        process.terminate()
+        return left
+
+
+class RayExecutor:
+    """Tasks on a Ray cluster whose machines share this one's files.
+
+    Args:
+        address: Of the cluster; "local" starts one on this machine.
+
+    Raises:
+        ConfigError: Ray is not installed, or there is no cluster at `address`.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            import ray  # type: ignore[import-not-found]
+        except ImportError:
+            raise ConfigError("a cluster needs Ray: pip install 'lavsim[cluster]'.") from None
+        self._ray: Any = ray
+        try:
+            if not ray.is_initialized():
+                ray.init(
+                    address=None if address == "local" else address,
+                    include_dashboard=False,
+                    log_to_driver=False,
+                    logging_level="ERROR",
+                    configure_logging=False,
+                )
+        except (ConnectionError, ValueError, RuntimeError) as error:
+            raise ConfigError(f"no Ray cluster at {address!r}: {error}") from None
+
+    def run(self, work: Work[T, R], tasks: Sequence[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
+        ray = self._ray
+        remote = ray.remote(num_cpus=1, max_retries=1)(_run_remote)
+        pending = {remote.remote(work, task): task for task in tasks}
+        while pending:
+            ended, _ = ray.wait(list(pending), num_returns=1)
+            for reference in ended:
+                task = pending.pop(reference)
+                try:
+                    yield Done(task, ray.get(reference))
+                except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
+                    yield Done(task, None, "its process was killed")
+
+
+def make_executor(workers: int = 1, cluster: str | None = None) -> Executor:
+    """The executor for `workers` processes, or for the Ray cluster at address `cluster`.
+
+    Raises:
+        ConfigError: fewer than one worker, or no such cluster.
+    """
+    if workers < 1:
+        raise ConfigError(f"workers must be at least 1, got {workers}.")
+    if cluster is not None:
+        return RayExecutor(cluster)
+    return ProcessExecutor(workers) if workers > 1 else SerialExecutor()
+
+
+def _ignore(_: Any) -> None:
+    pass
+
+
+_reports: Any = None  # of this worker process
+
+
+def _prepare(reports: Any, parent: int) -> None:
+    """Makes a worker process ready; it ends with its parent, however that ends."""
+    global _reports
+    _reports = reports
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
+
+
+def _run(work: Work[T, R], task: T) -> R:
+    return work(task, _reports.put)
+
+
+def _run_remote(work: Work[T, R], task: T) -> R:
+    return work(task, _ignore)
+
+
+@contextlib.contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Workers started within use one thread each: results don't depend on it, but speed does."""
+    before = {name: os.environ.get(name) for name in _SINGLE_THREAD}
+    os.environ.update(dict.fromkeys(_SINGLE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
