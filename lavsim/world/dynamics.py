@@ -1,23 +1,26 @@
-"""How vehicles answer to their controls: a kinematic bicycle, and sliding while a contact has upset it.
+"""How vehicles answer to their controls: a fitted kinematic bicycle, scaled by class.
 
-Source: the steering constants of "World on Rails" and the longitudinal fit of PDM-Lite (reference `carla.md` 2.3).
+Source: the steering constants of "World on Rails" and the longitudinal fit of PDM-Lite (reference `carla.md` 2.3), both
+of the Lincoln MKZ. The other classes are scaled from it; their numbers are ours, within the bounds given there.
 """
 
 from __future__ import annotations
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from lavsim.kernel import kernel
-from lavsim.types import DT
+from lavsim.types import DT, ActorClass
+from lavsim.world.weather import Weather
 
 MAX_WHEEL_ANGLE = 0.36848336  # [rad] at full steer
 FRONT_LENGTH, REAR_LENGTH = -0.090769015, 1.4178275  # [m] effective, an artefact of the fit
+FULL_STEER_CURVATURE = 0.26897079  # [1/m] of the fit
 THROTTLE_DEAD_BAND = 0.3
 COAST_DECELERATION = 0.6  # [m/s²] engine drag; the fit leaves the speed unchanged, real cars lose 0.3 to 1
 VALID_KMH = 80.0  # the fit diverges above
+REVERSE_TOP_SPEED = 12.0  # [m/s]
 
 _THROTTLE = (
     0.963873001, 4.37535692e-4, -0.380192912, 1.74950069, 0.0916787414, -0.070546153, -1.05996152e-3, 6.71079346e-4,
@@ -26,20 +29,52 @@ _BRAKE = (
     9.31711370e-3, 0.0820967431, -2.83832427e-3, 5.06587474e-5, -4.90357228e-7, 2.44419284e-9, -4.91381935e-12,
 )  # fmt: skip
 
-TYRE_GRIP = 7.0  # [m/s²] lateral deceleration of a sliding car on a dry road
-SPIN_GRIP = 5.0  # [rad/s²]
-SUBSTEPS = 4
 
-# How a row of the world moves.
-DRIVEN = 0  # a vehicle: acceleration and curvature
-WALKING = 1  # velocity as commanded
-RESTING = 2  # parked cars, props, whoever was knocked down: still unless pushed
-GONE = 3  # no longer in the world
+@dataclass(frozen=True)
+class Handling:
+    """What vehicles of a class can do, on a dry road.
+
+    Attributes:
+        acceleration: Share of the fitted car's acceleration.
+        braking: Share of its deceleration.
+        top_speed: [m/s].
+        curvature: At full steer [1/m].
+        lateral: Largest lateral acceleration [m/s²]: faster than that, a bend is driven wide.
+    """
+
+    acceleration: float
+    braking: float
+    top_speed: float
+    curvature: float
+    lateral: float
+
+
+HANDLING: Mapping[ActorClass, Handling] = {
+    ActorClass.CAR: Handling(1.0, 1.0, 50.0, FULL_STEER_CURVATURE, 10.0),
+    ActorClass.VAN: Handling(0.75, 0.9, 45.0, 0.2, 8.5),
+    ActorClass.TRUCK: Handling(0.5, 0.7, 30.0, 0.16, 6.5),
+    ActorClass.BUS: Handling(0.45, 0.7, 28.0, 0.13, 6.5),
+    ActorClass.MOTORCYCLE: Handling(1.0, 0.9, 55.0, 0.4, 9.0),
+    ActorClass.BICYCLE: Handling(0.3, 0.5, 9.0, 0.5, 5.0),
+}
+MOST_ACCELERATION = 12.0  # [m/s²] that any other driver than the ego's may ask for
+STILL = Handling(0.0, 0.0, 0.0, 0.0, 0.0)  # of walkers and props
+
+
+def road_grip(weather: Weather) -> float:
+    """Grip of a wet road as a share of a dry one's, 0.55 to 1.
+
+    A wet surface keeps about 0.7 of the dry friction, standing water takes up to 0.15 more; the numbers are those of
+    passenger tyres on asphalt, rounded. CARLA itself never changes friction with the weather.
+    """
+    puddles = weather.precipitation_deposits / 100.0
+    wet = min(max(weather.wetness / 100.0, weather.precipitation / 100.0, puddles, 0.0), 1.0)
+    return 1.0 - 0.3 * wet - 0.15 * min(max(puddles, 0.0), 1.0)
 
 
 @kernel
 def throttle_acceleration(speed: float, throttle: float) -> float:
-    """Acceleration [m/s²] at forward `speed` [m/s] under `throttle` (0 to 1) without brake."""
+    """Acceleration [m/s²] of the fitted car at forward `speed` [m/s] under `throttle` (0 to 1) without brake."""
     if throttle < THROTTLE_DEAD_BAND:
         return -COAST_DECELERATION
     fast = 3.6 * speed
@@ -65,80 +100,44 @@ def brake_deceleration(speed: float, brake: float) -> float:
 
 
 @kernel
-def speed_after(speed: float, throttle: float, brake: float, reverse: bool) -> float:
-    """Signed speed [m/s] one tick later; reverse drives backward, and the brake wins over the throttle."""
+def speed_after(
+    speed: float,
+    throttle: float,
+    brake: float,
+    reverse: bool,
+    acceleration: float = 1.0,
+    braking: float = 1.0,
+    top_speed: float = 50.0,
+) -> float:
+    """Signed speed one tick later [m/s]; reverse drives backward, and the brake wins over the throttle.
+
+    Args:
+        speed: Before the tick [m/s], negative backward.
+        throttle: 0 to 1.
+        brake: 0 to 1.
+        reverse: Which gear is in.
+        acceleration: Share of the fitted car's, by class and grip.
+        braking: The same of its deceleration.
+        top_speed: Forward [m/s]; above it the engine only drags.
+    """
     direction = -1.0 if reverse else 1.0
     along = direction * speed
     if along < 0.0:  # rolling against the gear: the engine brakes
-        return direction * min(0.0, along + (COAST_DECELERATION + brake_deceleration(-along, brake)) * DT)
+        loss = COAST_DECELERATION + braking * brake_deceleration(-along, brake)
+        return direction * min(0.0, along + loss * DT)
     if brake > 0.0:
-        loss = max(brake_deceleration(along, brake), COAST_DECELERATION)
+        loss = max(braking * brake_deceleration(along, brake), COAST_DECELERATION)
         return direction * max(0.0, along - loss * DT)
-    return direction * max(0.0, along + throttle_acceleration(along, throttle) * DT)
+    gain = throttle_acceleration(along, throttle)
+    if gain > 0.0:
+        gain *= acceleration
+    top = min(top_speed, REVERSE_TOP_SPEED) if reverse else top_speed
+    after = min(along + gain * DT, max(top, along - COAST_DECELERATION * DT))
+    return direction * max(0.0, after)
 
 
 @kernel
 def steer_curvature(steer: float) -> float:
-    """Curvature of the path [1/m], positive to the right, at `steer` (-1 to 1)."""
+    """Curvature of the fitted car's path [1/m], positive to the right, at `steer` (-1 to 1)."""
     slip = math.atan(REAR_LENGTH / (FRONT_LENGTH + REAR_LENGTH) * math.tan(MAX_WHEEL_ANGLE * steer))
     return math.sin(slip) / REAR_LENGTH
-
-
-@kernel
-def integrate(
-    motion: NDArray[np.uint8],
-    pose: NDArray[np.float64],
-    body: NDArray[np.float64],
-    command: NDArray[np.float64],
-    rear: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    """Moves every row by one tick as if nothing were in its way.
-
-    Args:
-        motion: (N,) `DRIVEN`, `WALKING`, `RESTING` or `GONE`.
-        pose: (N, 3) x, y, yaw.
-        body: (N, 3) forward speed, rightward slide [m/s], yaw rate [rad/s]; updated in place.
-        command: (N, 2) driven: speed after the tick [m/s] and path curvature [1/m]; walking: velocity x, y [m/s].
-        rear: (N,) distance from the reference point to the rear axle of the bicycle [m].
-        out: (N, 5) displacement x, y, turn of the tick; velocity x, y after it.
-    """
-    for i in range(len(motion)):
-        x = y = turn = 0.0
-        yaw = pose[i, 2]
-        if motion[i] == GONE:
-            body[i, :] = 0.0
-        elif motion[i] == WALKING:
-            x, y = command[i, 0] * DT, command[i, 1] * DT
-            body[i, 0] = math.sqrt(command[i, 0] ** 2 + command[i, 1] ** 2)
-            out[i, 3], out[i, 4] = command[i, 0], command[i, 1]
-        elif motion[i] == RESTING or body[i, 1] != 0.0:
-            x, y, turn = _slide(body, i, yaw, command[i, 0] if motion[i] == DRIVEN else 0.0)
-            out[i, 3], out[i, 4] = x / DT, y / DT
-        else:
-            after = command[i, 0]
-            step = after * DT / SUBSTEPS  # semi-implicit, as the physics engines whose cars were fitted
-            bend = step * command[i, 1]
-            slip = math.asin(max(-0.9, min(0.9, command[i, 1] * rear[i])))
-            for _ in range(SUBSTEPS):
-                x += step * math.cos(yaw + 0.5 * bend + slip)
-                y += step * math.sin(yaw + 0.5 * bend + slip)
-                yaw += bend
-            turn = yaw - pose[i, 2]
-            body[i, 0], body[i, 2] = after, after * command[i, 1]
-            out[i, 3], out[i, 4] = after * math.cos(yaw + slip), after * math.sin(yaw + slip)
-        out[i, 0], out[i, 1], out[i, 2] = x, y, turn
-
-
-@kernel
-def _slide(body: NDArray[np.float64], i: int, yaw: float, target: float) -> tuple[float, float, float]:
-    """One tick of a body that friction brings back to rolling: displacement x, y and turn."""
-    ahead, aside, spin = body[i, 0], body[i, 1], body[i, 2]
-    grip = TYRE_GRIP * DT
-    ahead = max(target, ahead - grip) if ahead > target else min(target, ahead + grip)
-    aside = max(0.0, aside - grip) if aside > 0.0 else min(0.0, aside + grip)
-    loss = SPIN_GRIP * DT
-    spin = max(0.0, spin - loss) if spin > 0.0 else min(0.0, spin + loss)
-    body[i, 0], body[i, 1], body[i, 2] = ahead, aside, spin
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return (ahead * cos - aside * sin) * DT, (ahead * sin + aside * cos) * DT, spin * DT

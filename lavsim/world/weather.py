@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import astuple, dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,18 @@ class Weather:
     def is_night(self) -> bool:
         return self.sun_altitude_angle < 0.0
 
+    @cached_property
+    def calls_for_lights(self) -> bool:
+        """Whether vehicles drive with low beams: low sun, thick clouds or fog, or two of them nearly so.
+
+        Source: the thresholds of the CARLA leaderboard's `RouteLightsBehavior`.
+        """
+        margins = (self.sun_altitude_angle - 15.0, 80.0 - self.cloudiness, 40.0 - self.fog_density)
+        return min(margins) < 0.0 or sum(margin < 10.0 for margin in margins) >= 2
+
+
+CLEAR = Weather()
+
 
 @dataclass(frozen=True)
 class WeatherKeyframe:
@@ -66,10 +79,12 @@ class WeatherKeyframe:
 def weather_at(keyframes: Sequence[WeatherKeyframe], percentage: float) -> Weather:
     """The weather after `percentage` of the route, interpolated between keyframes sorted by percentage."""
     if not keyframes:
-        return Weather()
-    marks = [frame.percentage for frame in keyframes]
-    values = {
-        f.name: float(np.interp(percentage, marks, [getattr(frame.weather, f.name) for frame in keyframes]))
-        for f in fields(Weather)
-    }
-    return replace(Weather(), **values)
+        return CLEAR
+    after = next((k for k, frame in enumerate(keyframes) if frame.percentage >= percentage), len(keyframes))
+    if after in (0, len(keyframes)):
+        return keyframes[max(after - 1, 0)].weather
+    first, second = keyframes[after - 1], keyframes[after]
+    if first.weather == second.weather:
+        return first.weather
+    share = (percentage - first.percentage) / (second.percentage - first.percentage)
+    return Weather(*(a + share * (b - a) for a, b in zip(astuple(first.weather), astuple(second.weather), strict=True)))

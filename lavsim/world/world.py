@@ -3,79 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.errors import ScenarioError
-from lavsim.types import DT, ActorClass, Control, Role, VehicleLight
+from lavsim.types import ActorClass, Control, Role, VehicleLight
+from lavsim.world.actor import Actor
 from lavsim.world.blueprints import Blueprint
-from lavsim.world.dynamics import DRIVEN, GONE, REAR_LENGTH, RESTING, WALKING, integrate, speed_after, steer_curvature
-from lavsim.world.physics import NO_CONTACTS, Physics
-from lavsim.world.proximity import box_distance, boxes_overlap
-from lavsim.world.snapshot import (
-    CONTACT_DTYPE,
-    LENGTH_UNIT,
-    ActorTable,
-    Snapshot,
-    quantise_poses,
-    quantise_velocities,
+from lavsim.world.broadphase import build_walls, find_candidates, make_scratch, spread
+from lavsim.world.controls import ControlFilter
+from lavsim.world.dynamics import (
+    FULL_STEER_CURVATURE,
+    HANDLING,
+    MOST_ACCELERATION,
+    REAR_LENGTH,
+    STILL,
+    speed_after,
+    steer_curvature,
 )
+from lavsim.world.motion import DRIVEN, GONE, HOLD_SLIDE, HOLD_SPIN, RESTING, WALKING, finish, integrate
+from lavsim.world.physics import NO_CONTACTS, Bodies, Physics
+from lavsim.world.proximity import box_distance, boxes_overlap
+from lavsim.world.publish import quantise
+from lavsim.world.snapshot import CONTACT_DTYPE, LENGTH_UNIT, ActorTable, Snapshot
 from lavsim.world.weather import Weather
 
 _KNOCK_DOWN_IMPULSE = 100.0  # [N s] 1.3 m/s of an adult's mass: more than that and a walker stays down
-_SLIDE_THRESHOLD = 0.3  # [m/s] sideways motion below which tyres hold again after a contact
 _AXLE_SHARE = 0.29  # rear axle behind the box centre, as a share of the length: the ego's fit has 1.42 of 4.9 m
-_STRIDE = 0.75  # [m] of a walker; sets its gait
-
-
-@dataclass(frozen=True)
-class Actor:
-    """A thin view of one row for authors of hazards."""
-
-    world: World
-    row: int
-
-    @property
-    def id(self) -> int:
-        return int(self.world.table.ids[self.row])
-
-    @property
-    def xy(self) -> NDArray[np.float64]:
-        return self.world.pose[self.row, :2].copy()
-
-    @property
-    def yaw(self) -> float:
-        return float(self.world.pose[self.row, 2])
-
-    @property
-    def speed(self) -> float:
-        """Speed over ground [m/s]."""
-        return float(np.hypot(*self.world.velocity[self.row, :2]))
-
-    @property
-    def size(self) -> NDArray[np.float32]:
-        return self.world.table.sizes[self.row]
-
-    @property
-    def is_present(self) -> bool:
-        return bool(self.world.present[self.row])
-
-    @property
-    def box_pose(self) -> tuple[float, float, float, float]:
-        """x, y, z [m] and yaw [rad] as `lavsim.world.proximity` takes them."""
-        x, y, yaw = self.world.pose[self.row]
-        return float(x), float(y), float(self.world.height[self.row]), float(yaw)
-
-    def walk(self, velocity: NDArray[np.float64]) -> None:
-        """Walks with `velocity` (x, y) [m/s] until told otherwise; whoever was knocked down stays down."""
-        if self.world.motion[self.row] == WALKING:
-            self.world.command[self.row] = velocity
-
-    def remove(self) -> None:
-        self.world.remove(self)
+_NO_EVENTS = np.zeros(0, dtype=CONTACT_DTYPE)
+_PUSH_MARGIN = 1.5  # [m] what a body pushed at 30 m/s may reach in a tick
+_GREY = (120, 120, 120)
+_CONTROL_LIGHTS = int(VehicleLight.BRAKE | VehicleLight.REVERSE)
 
 
 class World:
@@ -93,19 +53,17 @@ class World:
         height: (capacity,) z of the ground below [m].
         velocity: (capacity, 3) vx, vy [m/s], yaw rate [rad/s] in the world frame.
         body: (capacity, 3) speed ahead, slide to the right [m/s], yaw rate.
-        command: (capacity, 2) see `lavsim.world.dynamics.integrate`.
+        command: (capacity, 2) see `lavsim.world.motion.integrate`.
         lights: (capacity,) `VehicleLight` bits.
+        doors: (capacity,) `VehicleDoor` bits of doors that stand open.
         touched: (capacity,) tick of the last contact, -1 for none.
+        grip: Share of a dry road's grip, see `lavsim.world.dynamics.road_grip`.
     """
 
     def __init__(self, walls: Sequence[NDArray[np.float64]] = (), has_levels: bool = False) -> None:
-        self.table = ActorTable.empty()
         self.count = 0
         self.tick = 0
-        self._physics = Physics(walls, has_levels)
-        self._contacts = NO_CONTACTS
-        self._rear = np.zeros(0)
-        self._gait = np.zeros(0)
+        self.grip = 1.0
         self.present = np.zeros(0, dtype=bool)
         self.motion = np.zeros(0, dtype=np.uint8)
         self.pose = np.zeros((0, 3))
@@ -114,10 +72,34 @@ class World:
         self.body = np.zeros((0, 3))
         self.command = np.zeros((0, 2))
         self.lights = np.zeros(0, dtype=np.int32)
+        self.doors = np.zeros(0, dtype=np.int32)
         self.touched = np.zeros(0, dtype=np.int64)
-        self._move = np.zeros((0, 5))
-        self._control = Control()
+        self._loose = np.zeros(0, dtype=bool)
+        self._limits = np.zeros((0, 3))
+        self._half = np.zeros((0, 2))
+        self._mass = np.zeros(0)
+        self._rear = np.zeros(0)
+        self._gait = np.zeros(0)
+        self._move = np.zeros((0, 3))
+        self._found = np.zeros(0, dtype=bool)
+        self._walls = build_walls(walls)
+        self._scratch = make_scratch(0)
+        self._physics = Physics(self._walls, has_levels)
+        self._contacts = NO_CONTACTS
+        self._unsettled = np.zeros(0, dtype=np.int64)
+        self._table, self._new_rows = ActorTable.empty(), list[dict[str, Any]]()
+        self._rows: NDArray[np.int32] | None = None
+        self._weather = Weather()
+        self._weather_values = self._weather.to_array()
+        self._filter = ControlFilter()
+        self._control_values = np.zeros(5, np.float32)
         self._ego_motion = np.zeros(6)
+
+    @property
+    def table(self) -> ActorTable:
+        if self._new_rows:
+            self._table, self._new_rows = self._table.extended(self._new_rows), []
+        return self._table
 
     @property
     def ego(self) -> Actor:
@@ -130,7 +112,7 @@ class World:
         position: NDArray[np.float64],
         yaw: float,
         role: Role,
-        colour: tuple[int, int, int] = (120, 120, 120),
+        colour: tuple[int, int, int] = _GREY,
     ) -> Actor:
         """Adds an actor standing at `position` (x, y, z) [m].
 
@@ -139,54 +121,86 @@ class World:
         """
         if role in (Role.SCENARIO, Role.PROP):
             self._check_room(blueprint, position, yaw)
-        row = self.count
-        self._grow()
-        self.table = self.table.extended(
-            [{"id": actor_id, "class": blueprint.actor_class, "role": role, "size": blueprint.size,
-              "colour": colour, "blueprint": blueprint.name}]
-        )  # fmt: skip
-        length, width, _ = blueprint.size
-        self.present[row] = True
-        self.motion[row] = _motion_of(blueprint.actor_class, role)
-        self.pose[row] = (position[0], position[1], yaw)
-        self.height[row] = position[2]
-        self._rear[row] = REAR_LENGTH if role == Role.EGO else _AXLE_SHARE * length
-        self._physics.add(row, position[0], position[1], yaw, length, width, blueprint.mass)
-        return Actor(self, row)
+        rows = self.spawn_many([actor_id], [blueprint], np.asarray(position)[None], np.array([yaw]), role, [colour])
+        return Actor(self, int(rows[0]))
+
+    def spawn_many(
+        self,
+        actor_ids: Sequence[int],
+        blueprints: Sequence[Blueprint],
+        positions: NDArray[np.float64],
+        yaws: NDArray[np.float64],
+        role: Role,
+        colours: Sequence[tuple[int, int, int]],
+    ) -> NDArray[np.int64]:
+        """Adds actors standing at `positions` (K, 3) [m] with headings `yaws` (K,) [rad]; the caller sees to room.
+
+        Returns:
+            Their rows (K,).
+        """
+        rows = np.arange(self.count, self.count + len(actor_ids))
+        self._grow(len(rows))
+        self._new_rows += [
+            {"id": actor_id, "class": kind.actor_class, "role": role, "size": kind.size, "colour": colour,
+             "blueprint": kind.name}
+            for actor_id, kind, colour in zip(actor_ids, blueprints, colours, strict=True)
+        ]  # fmt: skip
+        self.present[rows] = True
+        self.motion[rows] = [_motion_of(kind.actor_class, role) for kind in blueprints]
+        self.pose[rows, :2], self.pose[rows, 2], self.height[rows] = positions[:, :2], yaws, positions[:, 2]
+        sizes = np.array([kind.size for kind in blueprints]).reshape(-1, 3)
+        self._half[rows] = sizes[:, :2] / 2.0
+        self._mass[rows] = [kind.mass for kind in blueprints]
+        self._rear[rows] = REAR_LENGTH if role == Role.EGO else _AXLE_SHARE * sizes[:, 0]
+        handling = [HANDLING.get(kind.actor_class, STILL) for kind in blueprints]
+        # The ego's pedals have their own fit, whose brake is stronger than what other drivers may ask for.
+        change = np.inf if role == Role.EGO else MOST_ACCELERATION
+        self._limits[rows] = np.array([(change, h.curvature, h.lateral) for h in handling]).reshape(-1, 3)
+        self._rows = None
+        return rows
 
     def remove(self, actor: Actor) -> None:
         """Takes an actor out; its id is not used again."""
         if self.present[actor.row]:
             self.present[actor.row] = False
             self.motion[actor.row] = GONE
-            self._physics.remove(actor.row)
+            self._unsettled = self._unsettled[self._unsettled != actor.row]
+            self._rows = None
 
     def drive_ego(self, control: Control) -> None:
         """Sets what the ego does in the next step; the values are those of the log (float32)."""
-        self._control = control
+        control = self._filter.clean(control)
         brake = 1.0 if control.hand_brake else control.brake
-        self.command[0] = (
-            speed_after(self.body[0, 0], control.throttle, brake, control.reverse),
-            steer_curvature(control.steer),
+        self._control_values = np.array(
+            [control.throttle, control.steer, control.brake, control.hand_brake, control.reverse], np.float32
         )
-        lights = VehicleLight.BRAKE if brake > 0.0 else VehicleLight.NONE
-        self.lights[0] = lights | (VehicleLight.REVERSE if control.reverse else VehicleLight.NONE)
+        kind = HANDLING[self._ego_class]
+        self.command[0, 0] = speed_after(
+            self.body[0, 0], control.throttle, brake, control.reverse,
+            kind.acceleration * self.grip, kind.braking * self.grip, kind.top_speed,
+        )  # fmt: skip
+        self.command[0, 1] = steer_curvature(control.steer) * (kind.curvature / FULL_STEER_CURVATURE)
+        lights = int(VehicleLight.BRAKE if brake > 0.0 else 0) | int(VehicleLight.REVERSE if control.reverse else 0)
+        self.lights[0] = (self.lights[0] & ~_CONTROL_LIGHTS) | lights
 
     def step(self) -> None:
         """Moves everything by one tick."""
         n = self.count
-        before = self.velocity[0, :2].copy()
-        move = self._move[:n]
-        integrate(self.motion[:n], self.pose[:n], self.body[:n], self.command[:n], self._rear[:n], move)
-        self.velocity[:n, :2] = move[:, 3:]
-        self.velocity[:n, 2] = move[:, 2] / DT
-        decided, self._contacts = self._physics.step(self.pose[:n], move[:, :3], self.velocity[:n], self.height[:n])
+        motion, pose, velocity, move = self.motion[:n], self.pose[:n], self.velocity[:n], self._move[:n]
+        before = velocity[0, :2].copy()
+        integrate(
+            motion, pose, self.body[:n], self._loose[:n], self.command[:n], self._limits[:n], self._rear[:n],
+            self.grip, move, velocity,
+        )  # fmt: skip
+        near = find_candidates(
+            motion, pose, move, self._half[:n], self.height[:n], self._walls, self._scratch, self._found[:n]
+        )
         self.tick += 1
-        if len(decided):
-            self._take_over(decided)
-        walking = self.motion[:n] == WALKING
-        self._gait[:n][walking] += np.abs(self.body[:n, 0][walking]) * DT / _STRIDE
-        self._measure_ego(before)
+        self._contacts = NO_CONTACTS
+        pose += move
+        if near or len(self._unsettled):
+            self._resolve()
+        finish(motion, self.body[:n], self._gait[:n], pose, velocity, before, self._ego_motion)
 
     def distance(self, first: Actor, second: Actor) -> float:
         """Shortest distance between the boxes of two actors [m]."""
@@ -199,61 +213,70 @@ class World:
         hazards: NDArray[np.void],
     ) -> Snapshot:
         """The state of this tick, quantised."""
-        rows = np.flatnonzero(self.present[: self.count]).astype(np.int32)
-        pose = self.pose[rows]
-        xyz = np.column_stack([pose[:, :2], self.height[rows]])
-        velocity = np.column_stack([self.velocity[rows, :2], np.zeros(len(rows))])
-        gait = np.floor(np.mod(self._gait[rows], 1.0) * 256.0).astype(np.int32)
-        control = self._control
+        if weather is not self._weather:
+            self._weather, self._weather_values = weather, weather.to_array()
+        if self._rows is None:
+            self._rows = np.flatnonzero(self.present[: self.count]).astype(np.int32)
+        pose, velocity, state = quantise(
+            self._rows, self.pose, self.height, self.velocity, self.motion, self.lights, self.doors, self._gait,
+            weather.calls_for_lights,
+        )  # fmt: skip
         return Snapshot(
             tick=self.tick,
             table=self.table,
-            rows=rows,
-            pose=quantise_poses(xyz, pose[:, 2], np.zeros(len(rows))),
-            velocity=quantise_velocities(velocity),
-            state=np.column_stack([self.lights[rows], np.zeros(len(rows), np.int32), gait]).astype(np.int32),
+            rows=self._rows,
+            pose=pose,
+            velocity=velocity,
+            state=state,
             ego_motion=self._ego_motion.astype(np.float32),
-            control=np.array(
-                [control.throttle, control.steer, control.brake, control.hand_brake, control.reverse], np.float32
-            ),
+            control=self._control_values,
             lights=lights,
             contacts=self._contact_events(),
-            weather_values=weather.to_array(),
+            weather_values=self._weather_values,
             hazards=hazards,
         )
 
+    @property
+    def _ego_class(self) -> ActorClass:
+        return ActorClass(int(self.table.classes[0]))
+
+    def _resolve(self) -> None:
+        """Lets the engine move whoever may touch something; its poses and velocities hold for those that did."""
+        n = self.count
+        found = self._found[:n]
+        found[self._unsettled] = True
+        spread(self.motion[:n], self.pose[:n], self._scratch.reach[:n], _PUSH_MARGIN, found)
+        bodies = Bodies(
+            self.motion[:n], self.pose[:n], self._move[:n], self.velocity[:n], self._half[:n], self._mass[:n],
+            self.height[:n],
+        )  # fmt: skip
+        decided, self._unsettled, self._contacts = self._physics.step(np.flatnonzero(found), self._unsettled, bodies)
+        if len(decided):
+            self._take_over(decided)
+
     def _take_over(self, rows: NDArray[np.int64]) -> None:
         """After a contact the engine's velocities hold; tyres then bring the bodies back to rolling."""
-        touching = np.zeros(self.count, dtype=bool)
-        touching[self._contacts.rows[self._contacts.rows >= 0]] = True
+        touching = self._contacts.rows
         yaw = self.pose[rows, 2]
         cos, sin = np.cos(yaw), np.sin(yaw)
-        vx, vy = self.velocity[rows, 0], self.velocity[rows, 1]
-        aside = -vx * sin + vy * cos
-        self.body[rows, 0] = vx * cos + vy * sin
-        self.body[rows, 1] = np.where(np.abs(aside) > _SLIDE_THRESHOLD, aside, 0.0)
-        self.body[rows, 2] = self.velocity[rows, 2]
-        self.touched[: self.count][touching] = self.tick
-        for (first, second), impulse in zip(self._contacts.rows, self._contacts.impulse, strict=True):
-            for row in (first, second):
-                if row >= 0 and self.motion[row] == WALKING and impulse > _KNOCK_DOWN_IMPULSE:
-                    self.motion[row] = RESTING
-
-    def _measure_ego(self, before: NDArray[np.float64]) -> None:
-        """Acceleration and rotation rates in the ego's frame, from this tick and the last."""
-        acceleration = (self.velocity[0, :2] - before) / DT
-        cos, sin = np.cos(self.pose[0, 2]), np.sin(self.pose[0, 2])
-        self._ego_motion[0] = acceleration[0] * cos + acceleration[1] * sin
-        self._ego_motion[1] = -acceleration[0] * sin + acceleration[1] * cos
-        self._ego_motion[5] = self.velocity[0, 2]
+        vx, vy, spin = self.velocity[rows].T
+        ahead, aside = vx * cos + vy * sin, -vx * sin + vy * cos
+        rolling = ahead * self.command[rows, 1]
+        self.body[rows, 0], self.body[rows, 1], self.body[rows, 2] = ahead, aside, spin
+        self._loose[rows] = (np.abs(aside) > HOLD_SLIDE) | (np.abs(spin - rolling) > HOLD_SPIN)
+        self.touched[touching[touching >= 0]] = self.tick
+        hard = touching[self._contacts.impulse > _KNOCK_DOWN_IMPULSE]
+        down = hard[hard >= 0]
+        self.motion[down[self.motion[down] == WALKING]] = RESTING
 
     def _contact_events(self) -> NDArray[np.void]:
-        events = np.zeros(len(self._contacts), dtype=CONTACT_DTYPE)
-        if len(events):
-            ids = np.append(self.table.ids, 0)  # row -1: the static world has id 0
-            events["a"], events["b"] = ids[self._contacts.rows[:, 0]], ids[self._contacts.rows[:, 1]]
-            events["impulse"] = self._contacts.impulse
-            events["x"], events["y"] = np.rint(self._contacts.point / LENGTH_UNIT).T
+        if not len(self._contacts.rows):
+            return _NO_EVENTS
+        events = np.zeros(len(self._contacts.rows), dtype=CONTACT_DTYPE)
+        ids = np.append(self.table.ids, 0)  # row -1: the static world has id 0
+        events["a"], events["b"] = ids[self._contacts.rows[:, 0]], ids[self._contacts.rows[:, 1]]
+        events["impulse"] = self._contacts.impulse
+        events["x"], events["y"] = np.rint(self._contacts.point / LENGTH_UNIT).T
         return events
 
     def _check_room(self, blueprint: Blueprint, position: NDArray[np.float64], yaw: float) -> None:
@@ -269,19 +292,20 @@ class World:
                     f"({self.table.blueprints[other.row]})."
                 )
 
-    def _grow(self) -> None:
-        self.count += 1
+    def _grow(self, more: int) -> None:
+        self.count += more
         if self.count <= len(self.present):
             return
-        capacity = max(64, 2 * len(self.present))
-        for name in ("present", "motion", "pose", "height", "velocity", "body", "command", "lights", "touched",
-                     "_rear", "_gait", "_move"):  # fmt: skip
+        capacity = max(64, 2 * len(self.present), self.count)
+        for name in ("present", "motion", "pose", "height", "velocity", "body", "command", "lights", "doors", "touched",
+                     "_loose", "_limits", "_half", "_mass", "_rear", "_gait", "_move", "_found"):  # fmt: skip
             old: NDArray[Any] = getattr(self, name)
             new = np.zeros((capacity, *old.shape[1:]), dtype=old.dtype)
             new[: len(old)] = old
             if name == "touched":
                 new[len(old) :] = -1
             setattr(self, name, new)
+        self._scratch = make_scratch(capacity)
 
 
 def _motion_of(actor_class: ActorClass, role: Role) -> int:

@@ -5,11 +5,12 @@ import pytest
 
 from lavsim.errors import ScenarioError
 from lavsim.types import ActorIds, Control, Role
+from lavsim.world.actor import Actor
 from lavsim.world.blueprints import BLUEPRINTS
-from lavsim.world.dynamics import RESTING
+from lavsim.world.motion import RESTING
 from lavsim.world.snapshot import HAZARD_DTYPE, Snapshot
 from lavsim.world.weather import Weather
-from lavsim.world.world import Actor, World
+from lavsim.world.world import World
 
 EGO = BLUEPRINTS["vehicle.lincoln.mkz_2017"]
 
