@@ -128,6 +128,7 @@ class Simulation:
         town: The town's map.
         route: The dense route.
         snapshot: The newest tick.
+        controls: (5,) float32 `Snapshot.control` of every tick so far: with the header all it takes to come here again.
 
     Raises:
         RouteError: the route can't be traced, or a hazard doesn't fit where its trigger is.
@@ -150,8 +151,8 @@ class Simulation:
             self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._progress
         )
         self._recent: deque[Snapshot] = deque(maxlen=_HISTORY)
+        self.controls: list[NDArray[np.float32]] = []
         self._director.place()
-        self._publish()
         self.tick(Control())  # CARLA's leaderboard ticks once before it asks the agent
 
     @property
@@ -170,7 +171,9 @@ class Simulation:
         self._world.step()
         self._follow_ground()
         self._track_route()
-        return self._publish()
+        snapshot = self._publish()
+        self.controls.append(snapshot.control)
+        return snapshot
 
     def header(self) -> dict[str, Any]:
         """What a log says about the drive, in JSON types."""
