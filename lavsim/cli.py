@@ -84,6 +84,11 @@ def score(
     traffic: Annotated[str | None, typer.Option(help="leaderboard, lav or empty, where the file names none.")] = None,
     sensors: Annotated[str | None, typer.Option(help="Suite rendered beside the agent's own sensors: lav.")] = None,
     town_path: TownPath = None,
+    workers: Annotated[int, typer.Option(help="Processes that drive side by side; the results are the same.")] = 1,
+    cluster: Annotated[
+        str | None, typer.Option(help="Address of a Ray cluster that drives; 'local' starts one.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
 ) -> None:
     """Drive an agent over routes and score it by the leaderboard's rules."""
@@ -102,6 +107,9 @@ def score(
         traffic=traffic,
         sensors=sensors,
         town_path=_towns_at(town_path),
+        workers=workers,
+        cluster=cluster,
+        resume=resume,
         overwrite=overwrite,
     )
     with _Bar() as bar:
@@ -464,7 +472,7 @@ class _Bar:
             transient=True,
         )
         self._task = self._bars.add_task("preparing (the first run on a machine compiles for a minute)", total=1.0)
-        self._done = 0
+        self._told: set[int] = set()  # drives that have had their line
         if self._console.is_terminal:  # elsewhere a mistake found before the first drive gets its one line and no more
             self._bars.start()
         return self
@@ -472,7 +480,7 @@ class _Bar:
     def update(self, progress: Progress) -> None:
         self._bars.start()
         records = progress.results.records
-        for record in records[self._done :]:
+        for record in (r for r in records if r.index not in self._told):
             self._console.print(
                 f"{len(records)}/{progress.total} {record.route_id}: {record.status}, "
                 f"score {record.scores.composed:.1f}" + (f" ({progress.failure})" if progress.failure else ""),
@@ -480,10 +488,11 @@ class _Bar:
                 markup=False,
                 soft_wrap=True,
             )
-        self._done = len(records)
+        self._told = {record.index for record in records}
         text = f"{progress.name} in {progress.town}, {progress.game_time:.0f} s" if progress.town else progress.name
-        share = (progress.drive + progress.completion / 100.0) / max(progress.total, 1)
-        self._bars.update(self._task, description=text, completed=min(share, 1.0))
+        if records:
+            text += f", mean score {sum(r.scores.composed for r in records) / len(records):.1f}"
+        self._bars.update(self._task, description=text, completed=min(progress.share, 1.0))
 
     def __exit__(self, *_: object) -> None:
         if self._bars.live.is_started:

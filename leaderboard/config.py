@@ -34,6 +34,9 @@ class EvaluationConfig(BaseModel):
     sensors: str | None = Field(None, description="suite that is rendered beside what the agent asks for")
     town_path: tuple[Path, ...] = Field((), description="folders with towns that are not bundled")
     overwrite: bool = Field(False, description="replace a run in the folder")
+    resume: bool = Field(False, description="go on with the run in the folder")
+    workers: int = Field(1, ge=1, description="processes that drive side by side")
+    cluster: str | None = Field(None, description="address of a Ray cluster that drives instead; 'local' starts one")
     step_timeout: float = Field(60.0, gt=0.0, description="wall-clock limit of an agent's step [s]")
     setup_timeout: float = Field(600.0, gt=0.0, description="wall-clock limit of an agent's set-up [s]")
     memory_limit: int = Field(16 * 2**30, gt=0, description="resident memory of the agent's processes [bytes]")
@@ -81,6 +84,16 @@ class EvaluationConfig(BaseModel):
             first = error.errors()[0]
             name = ".".join(map(str, first["loc"])) or "evaluation"
             raise ConfigError(f"{name}: {first['msg']}, got {first['input']!r}") from None
+
+    @model_validator(mode="after")
+    def _one_way_to_begin(self) -> EvaluationConfig:
+        if self.overwrite and self.resume:
+            raise ConfigError("--overwrite starts anew and --resume goes on: give one of them")
+        return self
+
+    def decisive(self) -> dict[str, Any]:
+        """What decides the results, in JSON types: all but how the work is done."""
+        return self.model_dump(mode="json", exclude={"overwrite", "resume", "workers", "cluster"})
 
     @property
     def rule_set(self) -> Rules:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +23,10 @@ from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control
 from lavsim.world.snapshot import Snapshot
 from leaderboard.observer import CriteriaObserver, Verdict
+from leaderboard.picture import draw_drive
 from leaderboard.routes import RouteEntry
 from leaderboard.rules import Rules
+from leaderboard.run import LOGS, PICTURES
 from leaderboard.score import SIMULATION_CRASHED, RouteRecord, record_of
 from leaderboard.sensor_check import check_sensors
 
@@ -50,8 +52,8 @@ class DriveTask:
         track: Track the agent must be on, or None.
         sensors: Suite rendered beside the agent's own, or None.
         town_path: Folders with towns.
-        log: The recorded drive.
-        output: What the agent printed.
+        out: Folder of the run.
+        pictures: Whether a contact sheet is drawn.
     """
 
     index: int
@@ -66,8 +68,23 @@ class DriveTask:
     track: str | None
     sensors: str | None
     town_path: tuple[Path, ...]
-    log: Path
-    output: Path
+    out: Path
+    pictures: bool
+
+    @property
+    def log(self) -> Path:
+        """The recorded drive."""
+        return self.out / LOGS / f"{self.name}.lavlog"
+
+    @property
+    def output(self) -> Path:
+        """What the agent printed."""
+        return self.out / LOGS / f"{self.name}.agent.txt"
+
+    @property
+    def picture(self) -> Path:
+        """The contact sheet."""
+        return self.out / PICTURES / f"{self.name}.png"
 
     def spec(self) -> DriveSpec:
         """What the simulation is told."""
@@ -103,6 +120,68 @@ class DriveOutcome:
 
 
 OnTick = Callable[[Verdict], None]
+
+
+@dataclass(frozen=True)
+class Tick:
+    """How a drive under way stands: its number, percent of its route, simulated time [s], infractions so far."""
+
+    index: int
+    completion: float
+    time: float
+    infractions: int
+
+
+def drive_task(task: DriveTask, report: Callable[[Tick], None]) -> DriveOutcome:
+    """Drives `task`, leaves its log and picture in the run's folder, and reports every second of simulated time."""
+
+    def on_tick(verdict: Verdict) -> None:
+        report(Tick(task.index, verdict.completion, verdict.duration, len(verdict.infractions)))
+
+    outcome = run_drive(task, on_tick)
+    drawn = task.pictures and draw_drive(task.log, task.picture, outcome.details["infractions"], task.town_path)
+    files = {
+        "log": task.log.relative_to(task.out).as_posix() if task.log.exists() else None,
+        "picture": task.picture.relative_to(task.out).as_posix() if drawn else None,
+    }
+    return replace(outcome, details={**outcome.details, **files})
+
+
+def lost_drive(task: DriveTask, reason: str) -> DriveOutcome:
+    """The outcome of a drive whose own process was lost."""
+    record = record_of(
+        index=task.index,
+        route_id=task.route_id,
+        completion=0.0,
+        reached=False,
+        infractions=(),
+        failure=SIMULATION_CRASHED,
+        route_length=0.0,
+        duration_game=0.0,
+        duration_system=0.0,
+        rules=task.rules,
+    )
+    return DriveOutcome(record, (), None, {**_identity(task), **_NOTHING, "ending": reason})
+
+
+_NOTHING: Mapping[str, Any] = {
+    "town_digest": None, "agent_status": 0, "agent_message": None, "ticks": 0, "dense_length": 0.0, "completion": 0.0,
+    "infractions": [], "setup_seconds": 0.0, "drive_seconds": 0.0, "real_time_factor": 0.0, "log": None,
+    "picture": None,
+}  # fmt: skip
+
+
+def _identity(task: DriveTask) -> dict[str, Any]:
+    """Which drive it is."""
+    return {
+        "index": task.index,
+        "name": task.name,
+        "route": task.entry.id,
+        "repetition": task.repetition,
+        "town": task.entry.town,
+        "seed": task.seed,
+        "traffic": task.traffic,
+    }
 
 
 def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
@@ -153,14 +232,8 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         rules=task.rules,
     )
     details = {
-        "index": task.index,
-        "name": task.name,
-        "route": task.entry.id,
-        "repetition": task.repetition,
-        "town": task.entry.town,
+        **_identity(task),
         "town_digest": simulation.town.digest,
-        "seed": task.seed,
-        "traffic": task.traffic,
         "ending": ending,
         "agent_status": int(failure.status) if failure else 0,
         "agent_message": failure.message if failure else None,

@@ -1,32 +1,32 @@
 """Drives an agent over routes and scores it: what `lavsim score` calls.
 
-Everything a user can get wrong is found before the first drive. After that an agent's failure ends its own route, and
-the results file is complete and readable after every route.
+Everything a user can get wrong is found before the first drive. After that an agent's failure ends its own route, the
+results file is complete and readable after every route, and a run that was killed goes on with `resume`.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from lavsim.agent import find_agent
-from lavsim.errors import LavsimError, RouteError
+from lavsim.errors import LavsimError, OutputError, RouteError
+from lavsim.executor import make_executor
 from lavsim.sensors.suites import find_suite
 from lavsim.simulation import Simulation
 from leaderboard.benchmark import LOOK, benchmark_id, versions
+from leaderboard.checkpoint import load_outcome, save_outcome
 from leaderboard.config import EvaluationConfig, traffic_of
-from leaderboard.drive import DriveOutcome, DriveTask, run_drive
-from leaderboard.observer import Verdict
-from leaderboard.picture import draw_drive
-from leaderboard.record import Results, sensor_icons, write_run
+from leaderboard.drive import DriveOutcome, DriveTask, Tick, drive_task, lost_drive
+from leaderboard.record import RUN, Results, sensor_icons, write_run
 from leaderboard.report.page import write_report
 from leaderboard.routes import RouteEntry, read_routes, select_routes
-from leaderboard.run import LOGS, PICTURES, Run, claim_folder
+from leaderboard.run import Run, claim_folder
 from leaderboard.score import SHORTEST, plain_rates
 
-RUN_SCHEMA = 1
+RUN_SCHEMA = 2
 
 __all__ = ["EvaluationConfig", "OnProgress", "Progress", "evaluate"]
 
@@ -36,10 +36,11 @@ class Progress:
     """How a run stands.
 
     Attributes:
-        drive: Number of the drive under way, from 0; `total` at the end.
+        done: Drives done.
         total: Planned drives.
-        name: Of the drive.
-        town: Where it is.
+        share: Of the whole run, drives under way counted by their completion; 0 to 1.
+        name: Of the drive this tells of.
+        town: Where it is; empty once it is done.
         completion: Percent of its route.
         game_time: Simulated seconds of it.
         infractions: So far in it.
@@ -47,8 +48,9 @@ class Progress:
         failure: What the agent of the drive just done failed with, if it did.
     """
 
-    drive: int
+    done: int
     total: int
+    share: float
     name: str
     town: str
     completion: float
@@ -66,13 +68,14 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
 
     Args:
         config: What to do.
-        on_progress: Told about every second of simulated time, and after each drive.
+        on_progress: Told about every second of simulated time of each drive, and after each drive.
 
     Returns:
         The run as it lies in `config.out`.
 
     Raises:
-        LavsimError: a mistake in the configuration, the route file, the town or the agent's name; nothing was driven.
+        LavsimError: a mistake in the configuration, the route file, the town or the agent's name, or a run to resume
+            that is another one; nothing was driven.
     """
     rules = config.rule_set
     entries = select_routes(read_routes(config.routes, config.scenarios_json), config.route_ids)
@@ -81,40 +84,141 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
         find_suite(config.sensors)
     tasks = list(_tasks(entries, config))
     digests = {task.entry.town: _check(task) for task in tasks if task.repetition == 0}
-    claim_folder(config.out, config.overwrite)
-    results = Results(rules, len(tasks))
-    run: dict[str, Any] = {
+    executor = make_executor(config.workers, config.cluster)
+    profiles = [traffic_of(entry.traffic, config) for entry in entries]
+    header = {
         "schema": RUN_SCHEMA,
-        "benchmark_id": benchmark_id(
-            entries, digests, [traffic_of(e.traffic, config) for e in entries], config.repetitions, rules
-        ),
+        "benchmark_id": benchmark_id(entries, digests, profiles, config.repetitions, rules),
         "versions": versions(),
-        "config": config.model_dump(mode="json"),
+        "config": config.decisive(),
         "rules": rules.version,
         "look": LOOK,
         "seed": config.seed,
         "seeds": [config.seed_of(k) for k in range(config.repetitions)],
-        "track": config.track,
-        "drives": [],
     }
-    results.write(config.out)
-    for task in tasks:
-        outcome = run_drive(task, _reporter(task, results, on_progress))
-        results = _add(results, outcome)
-        run["track"] = run["track"] or outcome.track
-        run["drives"].append(_details(task, outcome, config))
-        run["kilometres"] = sum(d["dense_length"] * d["completion"] / 1e5 for d in run["drives"])
-        run["infractions_per_km"] = plain_rates(results.records, max(run["kilometres"], SHORTEST), rules)
-        results.write(config.out)
-        write_run(config.out, run)
-        if on_progress is not None:
-            done, message = len(results.records), run["drives"][-1]["agent_message"]
-            on_progress(Progress(done, len(tasks), task.name, task.entry.town, 0.0, 0.0, 0, results, message))
-    results = replace(results, finished=True)
-    results.write(config.out)
+    if config.resume:
+        _check_same(config, header)
+    claim_folder(config.out, config.overwrite, config.resume)
+    book = _Book(config, header, tasks, on_progress)
+    book.write()
+    for done in executor.run(drive_task, book.waiting, book.report):
+        book.enter(done.task, done.result or lost_drive(done.task, done.lost or ""), keep=done.lost is None)
+    book.write(finished=True)
     made = Run.load(config.out)
     write_report(made)
     return made
+
+
+class _Book:
+    """The run's files, made again from the drives done after each of them.
+
+    Args:
+        config: Of the run.
+        header: What its run file says besides the drives.
+        tasks: All drives, in order.
+        on_progress: Told how the run stands.
+    """
+
+    def __init__(
+        self,
+        config: EvaluationConfig,
+        header: dict[str, Any],
+        tasks: Sequence[DriveTask],
+        on_progress: OnProgress | None,
+    ) -> None:
+        self._config, self._header, self._tasks = config, header, tasks
+        self._on_progress = on_progress
+        self._under_way: dict[int, float] = {}  # percent by drive
+        found = [(task.index, load_outcome(config.out, task.name)) for task in tasks]
+        self._outcomes = {index: outcome for index, outcome in found if outcome is not None}
+        self._results = self._make_results(finished=False)
+
+    @property
+    def waiting(self) -> list[DriveTask]:
+        """Drives not done."""
+        return [task for task in self._tasks if task.index not in self._outcomes]
+
+    def enter(self, task: DriveTask, outcome: DriveOutcome, keep: bool) -> None:
+        """Adds a drive done; one that is not kept is driven again when the run is resumed."""
+        self._outcomes[task.index] = outcome
+        self._under_way.pop(task.index, None)
+        if keep:
+            save_outcome(self._config.out, task.name, outcome)
+        self.write()
+        self._tell(task.name, "", Tick(task.index, 0.0, 0.0, 0), outcome.details["agent_message"])
+
+    def report(self, tick: Tick) -> None:
+        """Passes on how a drive under way stands."""
+        if tick.index not in self._outcomes:
+            self._under_way[tick.index] = tick.completion
+            task = self._tasks[tick.index]
+            self._tell(task.name, task.entry.town, tick)
+
+    def write(self, finished: bool = False) -> None:
+        """Replaces results file and run file by what is known now."""
+        self._results = self._make_results(finished)
+        outcomes = self._ordered()
+        drives = [outcome.details for outcome in outcomes]
+        kilometres = sum(d["dense_length"] * d["completion"] / 1e5 for d in drives)
+        rates = plain_rates(self._results.records, max(kilometres, SHORTEST), self._config.rule_set)
+        track = self._config.track or next((o.track for o in outcomes if o.track), None)
+        self._results.write(self._config.out)
+        run = {**self._header, "track": track, "drives": drives, "kilometres": kilometres, "infractions_per_km": rates}
+        write_run(self._config.out, run)
+
+    def _ordered(self) -> list[DriveOutcome]:
+        return [self._outcomes[index] for index in sorted(self._outcomes)]
+
+    def _make_results(self, finished: bool) -> Results:
+        outcomes = self._ordered()
+        sensors = next((o.sensors for o in outcomes if o.sensors), ())
+        return Results(
+            self._config.rule_set,
+            len(self._tasks),
+            tuple(outcome.record for outcome in outcomes),
+            tuple(sensor_icons(sensors)),
+            finished,
+        )
+
+    def _tell(self, name: str, town: str, tick: Tick, failure: str | None = None) -> None:
+        if self._on_progress is None:
+            return
+        done, total = len(self._outcomes), len(self._tasks)
+        self._on_progress(
+            Progress(
+                done=done,
+                total=total,
+                share=(done + sum(self._under_way.values()) / 100.0) / max(total, 1),
+                name=name,
+                town=town,
+                completion=tick.completion,
+                game_time=tick.time,
+                infractions=tick.infractions,
+                results=self._results,
+                failure=failure,
+            )
+        )
+
+
+def _check_same(config: EvaluationConfig, header: dict[str, Any]) -> None:
+    """Refuses to go on with a run that was started otherwise; a folder without a run is begun in."""
+    if not (config.out / RUN).exists():
+        return
+    begun = Run.load(config.out).run
+    if begun.get("schema") != RUN_SCHEMA:
+        raise OutputError(f"{config.out / RUN} has schema {begun.get('schema')}, this lavsim resumes {RUN_SCHEMA}")
+    before, now = begun.get("config", {}), header["config"]
+    for name in now:
+        if before.get(name) != now[name] and name != "out":
+            raise OutputError(
+                f"the run in {config.out} was begun with {name} = {before.get(name)!r}, not {now[name]!r}; "
+                "resume it as it was begun, or give another folder"
+            )
+    if begun.get("benchmark_id") != header["benchmark_id"]:
+        raise OutputError(
+            f"the run in {config.out} was begun under benchmark {begun.get('benchmark_id')}, now it is "
+            f"{header['benchmark_id']}: towns, routes, traffic or rules have changed since"
+        )
 
 
 def _check(task: DriveTask) -> str:
@@ -146,8 +250,8 @@ def _tasks(entries: Sequence[RouteEntry], config: EvaluationConfig) -> Iterator[
                 track=config.track,
                 sensors=config.sensors,
                 town_path=config.town_path,
-                log=config.out / LOGS / f"{name}.lavlog",
-                output=config.out / LOGS / f"{name}.agent.txt",
+                out=config.out,
+                pictures=config.pictures,
             )
 
 
@@ -155,41 +259,3 @@ def _file_name(route_id: str, repetition: int, index: int) -> str:
     """`RouteScenario_3_rep0`; ids that would not do in a file name are replaced and kept apart by their number."""
     safe = re.sub(r"[^A-Za-z0-9._-]", "_", route_id)[:60]
     return f"RouteScenario_{safe if safe == route_id else f'{safe}_{index}'}_rep{repetition}"
-
-
-def _add(results: Results, outcome: DriveOutcome) -> Results:
-    if not results.sensors and outcome.sensors:
-        results = replace(results, sensors=tuple(sensor_icons(outcome.sensors)))
-    return results.with_record(outcome.record)
-
-
-def _details(task: DriveTask, outcome: DriveOutcome, config: EvaluationConfig) -> dict[str, Any]:
-    """The run file's entry of a drive, with its files by their place in the run's folder."""
-    picture = config.out / PICTURES / f"{task.name}.png"
-    drawn = config.pictures and draw_drive(task.log, picture, outcome.details["infractions"], config.town_path)
-    return {
-        **outcome.details,
-        "log": task.log.relative_to(config.out).as_posix() if task.log.exists() else None,
-        "picture": picture.relative_to(config.out).as_posix() if drawn else None,
-    }
-
-
-def _reporter(task: DriveTask, results: Results, on_progress: OnProgress | None) -> Callable[[Verdict], None] | None:
-    if on_progress is None:
-        return None
-
-    def report(verdict: Verdict) -> None:
-        on_progress(
-            Progress(
-                drive=task.index,
-                total=results.total,
-                name=task.name,
-                town=task.entry.town,
-                completion=verdict.completion,
-                game_time=verdict.duration,
-                infractions=len(verdict.infractions),
-                results=results,
-            )
-        )
-
-    return report

@@ -10,7 +10,7 @@ Source: `carla-simulator/leaderboard`, branches `leaderboard-1.0`, `leaderboard-
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal, TypeVar
@@ -73,6 +73,10 @@ class Rules:
     def generation(self) -> str:
         """ "1.0" or "2.x": which shape of agent, route and record holds."""
         return self.lineage[-1]
+
+    def __reduce__(self) -> tuple[Callable[[str], Rules], tuple[str]]:
+        """Crosses to another process by its name."""
+        return get_rules, (self.version,)
 
     def pick(self, values: Mapping[str, T]) -> T | None:
         """What `values` (keyed by version or generation) says for this version; None where it says nothing."""

@@ -12,7 +12,8 @@ from lavsim.errors import OutputError
 from leaderboard.record import RESULTS, RUN
 
 LOGS, PICTURES, REPORT = "logs", "pictures", "report.html"
-_OURS = (RESULTS, RUN, REPORT, LOGS, PICTURES)
+DRIVES = "drives"  # a file for each drive done: `leaderboard.checkpoint`
+_OURS = (RESULTS, RUN, REPORT, LOGS, PICTURES, DRIVES)
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,13 @@ class Run:
         return next((d for d in self.run.get("drives", []) if d["index"] == index), {})
 
 
-def claim_folder(folder: Path, overwrite: bool) -> None:
-    """Makes `folder` ready for a run; with `overwrite` what an earlier run left there goes, and nothing else.
+def claim_folder(folder: Path, overwrite: bool, resume: bool = False) -> None:
+    """Makes `folder` ready for a run.
+
+    Args:
+        folder: The run's.
+        overwrite: Whether what an earlier run left there goes, and nothing else.
+        resume: Whether it stays, to be gone on with.
 
     Raises:
         OutputError: it holds a run already, or can't be written.
@@ -75,12 +81,14 @@ def claim_folder(folder: Path, overwrite: bool) -> None:
     try:
         if folder.exists() and not folder.is_dir():
             raise OutputError(f"{folder} is a file; a folder is expected")
-        held = [folder / name for name in _OURS if (folder / name).exists()]
+        held = [] if resume else [folder / name for name in _OURS if (folder / name).exists()]
         if held and not overwrite:
-            raise OutputError(f"{folder} already holds a run ({held[0].name}); give --overwrite or another folder")
+            raise OutputError(
+                f"{folder} already holds a run ({held[0].name}); give --resume, --overwrite or another folder"
+            )
         for path in held:
             shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
-        for name in (LOGS, PICTURES):
+        for name in (LOGS, PICTURES, DRIVES):
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"can't write to {folder}: {error.strerror}") from None

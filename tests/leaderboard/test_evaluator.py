@@ -90,7 +90,7 @@ def test_a_failing_agent_loses_its_route_and_no_other(tmp_path: Path) -> None:
     assert run.results["sensors"] == ["carla_speedometer"]
     assert (run.folder / "report.html").is_file()
     assert [bool(drive["log"]) for drive in drives] == [True] * 5 + [False] * 3
-    assert seen[-1].drive == seen[-1].total == 8
+    assert seen[-1].done == seen[-1].total == 8
     assert max(p.completion for p in seen) == 100.0
 
 
@@ -253,3 +253,64 @@ def test_sensor_limits_go_by_generation_and_track() -> None:
 def test_the_expert_drives_under_either_generation(tmp_path: Path, rules: str) -> None:
     run = evaluate(config(tmp_path, "go", agent="agents.behavior:BehaviorAgent", agent_config=None, rules=rules))
     assert statuses(run) == ["Completed" if rules == "1.0" else "Perfect"]
+
+
+def without_clock_of_run(run: Run) -> dict[str, Any]:
+    content = json.loads((run.folder / "run.json").read_text())
+    del content["config"]["out"]
+    for drive in content["drives"]:
+        for key in ("setup_seconds", "drive_seconds", "real_time_factor"):
+            del drive[key]
+    return dict(content)
+
+
+def same(first: Run, second: Run) -> bool:
+    logs = [sorted(path.read_bytes() for path in (run.folder / "logs").glob("*.lavlog")) for run in (first, second)]
+    return (
+        without_clock(first) == without_clock(second)
+        and without_clock_of_run(first) == without_clock_of_run(second)
+        and logs[0] == logs[1]
+    )
+
+
+def steady(folder: Path, count: int, **more: Any) -> EvaluationConfig:
+    """A run of an agent that keeps no state between drives."""
+    agent = str(AGENT.with_name("steady_agent.py"))
+    return config(folder, "", count, **({"agent": agent, "agent_config": None} | more))
+
+
+def test_workers_drive_what_one_process_drives(tmp_path: Path) -> None:
+    alone = evaluate(steady(tmp_path, 4))
+    seen: list[Progress] = []
+    together = evaluate(steady(tmp_path, 4, out=tmp_path / "two", workers=2), seen.append)
+    assert same(alone, together)
+    assert max(p.share for p in seen) == 1.0
+
+
+def test_a_run_cut_short_goes_on_and_ends_with_the_same_files(tmp_path: Path) -> None:
+    whole = evaluate(steady(tmp_path, 3))
+
+    def stop(progress: Progress) -> None:
+        if progress.done == 1 and progress.completion > 20.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(steady(tmp_path, 3, out=tmp_path / "cut"), stop)
+    cut = Run.load(tmp_path / "cut")
+    assert len(cut.records) == 1
+    seen: list[Progress] = []
+    resumed = evaluate(steady(tmp_path, 3, out=tmp_path / "cut", resume=True), seen.append)
+    assert min(p.done for p in seen) == 1, "the drive done is not driven again"
+    assert same(whole, resumed)
+
+
+def test_a_run_is_resumed_as_it_was_begun_or_not_at_all(tmp_path: Path) -> None:
+    evaluate(steady(tmp_path, 1))
+    with pytest.raises(OutputError, match="begun with seed = 0, not 3"):
+        evaluate(steady(tmp_path, 1, resume=True, seed=3))
+    with pytest.raises(ConfigError, match="give one of them"):
+        steady(tmp_path, 1, resume=True, overwrite=True)
+
+
+def test_resuming_in_an_empty_folder_begins(tmp_path: Path) -> None:
+    assert statuses(evaluate(steady(tmp_path, 1, resume=True))) == ["Completed"]
