@@ -90,11 +90,11 @@ def test_run_is_loaded_or_its_absence_said(tmp_path: Path) -> None:
 def test_folder_with_a_run_is_replaced_only_on_demand(tmp_path: Path) -> None:
     made = make_run(tmp_path / "a")
     (made.folder / "notes.txt").write_text("mine")
-    with pytest.raises(OutputError, match=r"already holds a run \(results\.json\); give --overwrite"):
+    with pytest.raises(OutputError, match=r"already holds a run \(results\.json\); give --resume, --overwrite"):
         claim_folder(made.folder, overwrite=False)
     assert json.loads((made.folder / "results.json").read_text())
     claim_folder(made.folder, overwrite=True)
-    assert sorted(p.name for p in made.folder.iterdir()) == ["logs", "notes.txt", "pictures"]
+    assert sorted(p.name for p in made.folder.iterdir()) == ["drives", "logs", "notes.txt", "pictures"]
     assert not list((made.folder / "logs").iterdir())
     with pytest.raises(OutputError, match="is a file; a folder is expected"):
         claim_folder(made.folder / "notes.txt", overwrite=True)
