@@ -50,7 +50,7 @@ class Scratch(NamedTuple):
     Attributes:
         head: (slots,) first row of each hashed cell, -1 for none.
         follow: (N,) the row after each in its cell, -1 at the end.
-        reach: (N,) half diagonal of each box and how far it moves [m]; negative for rows that are gone.
+        reach: (N,) half diagonal of each box and how far it moves [m]; negative for rows that meet nobody.
         axis: (N, 2) cosine and sine of each heading.
         moves: (N,) whether it moves at all.
     """
@@ -136,7 +136,7 @@ def find_candidates(
         motion: (N,) as in `lavsim.world.motion.integrate`.
         pose: (N, 3) x, y, yaw before the tick.
         move: (N, 3) displacement and turn.
-        half: (N, 2) half length, half width [m].
+        half: (N, 2) half length, half width [m]; 0 for what nobody can touch.
         height: (N,) z of the ground below [m].
         walls: What nothing moves; walkers on their feet keep off it themselves.
         scratch: Room for N rows.
@@ -189,7 +189,7 @@ def _enter_rows(
     scratch.head[:] = -1
     widest = 0.0
     for i in range(len(motion)):
-        if motion[i] == GONE:
+        if motion[i] == GONE or half[i, 0] == 0.0:
             scratch.reach[i], scratch.moves[i] = -1.0, False
             continue
         travel = math.sqrt(move[i, 0] ** 2 + move[i, 1] ** 2)
@@ -205,18 +205,17 @@ def _enter_rows(
 
 @kernel
 def spread(
-    motion: NDArray[np.uint8],
     pose: NDArray[np.float64],
     reach: NDArray[np.float64],
     margin: float,
     found: NDArray[np.bool_],
 ) -> None:
     """Adds to `found` whoever stands within `margin` [m] of one that is in it: what a pushed body may reach."""
-    n = len(motion)
+    n = len(found)
     seeds = np.flatnonzero(found)
     for i in seeds:
         for j in range(n):
-            if not found[j] and motion[j] != GONE:
+            if not found[j] and reach[j] >= 0.0:
                 apart = math.sqrt((pose[i, 0] - pose[j, 0]) ** 2 + (pose[i, 1] - pose[j, 1]) ** 2)
                 found[j] = apart < reach[i] + reach[j] + margin
 

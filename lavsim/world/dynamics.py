@@ -51,9 +51,9 @@ class Handling:
 
 HANDLING: Mapping[ActorClass, Handling] = {
     ActorClass.CAR: Handling(1.0, 1.0, 50.0, FULL_STEER_CURVATURE, 10.0),
-    ActorClass.VAN: Handling(0.75, 0.9, 45.0, 0.2, 8.5),
-    ActorClass.TRUCK: Handling(0.5, 0.7, 30.0, 0.16, 6.5),
-    ActorClass.BUS: Handling(0.45, 0.7, 28.0, 0.13, 6.5),
+    ActorClass.VAN: Handling(0.75, 0.9, 45.0, 0.25, 8.5),
+    ActorClass.TRUCK: Handling(0.5, 0.7, 30.0, 0.2, 6.5),
+    ActorClass.BUS: Handling(0.45, 0.7, 28.0, 0.16, 6.5),
     ActorClass.MOTORCYCLE: Handling(1.0, 0.9, 55.0, 0.4, 9.0),
     ActorClass.BICYCLE: Handling(0.3, 0.5, 9.0, 0.5, 5.0),
 }

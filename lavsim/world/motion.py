@@ -23,6 +23,7 @@ GONE = 3  # no longer in the world
 TYRE_GRIP = 7.0  # [m/s²] a sliding body loses that much speed on a dry road
 SPIN_GRIP = 5.0  # [rad/s²] and that much spin
 FASTEST_WALK = 10.0  # [m/s] nobody runs faster
+TURNING_WALK, WALKER_TURN = 0.2, 6.0  # [m/s] from which a walker turns, [rad/s] how fast
 STRIDE = 0.75  # [m] of a walker; sets its gait
 HOLD_SLIDE, HOLD_SPIN = 0.3, 0.3  # [m/s], [rad/s] below which tyres hold again
 
@@ -56,7 +57,7 @@ def integrate(
     """
     for i in range(len(motion)):
         if motion[i] == WALKING:
-            _walk(i, body, command, move, velocity)
+            _walk(i, pose[i, 2], body, command, move, velocity)
         elif motion[i] == GONE or (body[i, 0] == 0.0 and _stays(i, motion, body, command)):
             body[i, :] = 0.0
             move[i, :] = 0.0
@@ -78,21 +79,27 @@ def _stays(
 @kernel
 def _walk(
     i: int,
+    yaw: float,
     body: NDArray[np.float64],
     command: NDArray[np.float64],
     move: NDArray[np.float64],
     velocity: NDArray[np.float64],
 ) -> None:
-    """A walker goes as told, no faster than anyone can run."""
+    """A walker goes as told, no faster than anyone can run, and turns to where it goes."""
     vx, vy = command[i, 0], command[i, 1]
     speed = math.sqrt(vx * vx + vy * vy)
     if not math.isfinite(speed):
         vx = vy = speed = 0.0
     elif speed > FASTEST_WALK:
         vx, vy, speed = vx * FASTEST_WALK / speed, vy * FASTEST_WALK / speed, FASTEST_WALK
+    turn = 0.0
+    if speed > TURNING_WALK:
+        turn = math.atan2(vy, vx) - yaw
+        turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+        turn = min(max(turn, -WALKER_TURN * DT), WALKER_TURN * DT)
     body[i, 0], body[i, 1], body[i, 2] = speed, 0.0, 0.0
-    move[i, 0], move[i, 1], move[i, 2] = vx * DT, vy * DT, 0.0
-    velocity[i, 0], velocity[i, 1], velocity[i, 2] = vx, vy, 0.0
+    move[i, 0], move[i, 1], move[i, 2] = vx * DT, vy * DT, turn
+    velocity[i, 0], velocity[i, 1], velocity[i, 2] = vx, vy, turn / DT
 
 
 @kernel

@@ -149,7 +149,8 @@ class World:
         self.motion[rows] = [_motion_of(kind.actor_class, role) for kind in blueprints]
         self.pose[rows, :2], self.pose[rows, 2], self.height[rows] = positions[:, :2], yaws, positions[:, 2]
         sizes = np.array([kind.size for kind in blueprints]).reshape(-1, 3)
-        self._half[rows] = sizes[:, :2] / 2.0
+        solid = np.array([kind.is_solid for kind in blueprints])
+        self._half[rows] = np.where(solid[:, None], sizes[:, :2] / 2.0, 0.0)  # a row without a box meets nobody
         self._mass[rows] = [kind.mass for kind in blueprints]
         self._rear[rows] = REAR_LENGTH if role == Role.EGO else _AXLE_SHARE * sizes[:, 0]
         handling = [HANDLING.get(kind.actor_class, STILL) for kind in blueprints]
@@ -245,7 +246,7 @@ class World:
         n = self.count
         found = self._found[:n]
         found[self._unsettled] = True
-        spread(self.motion[:n], self.pose[:n], self._scratch.reach[:n], _PUSH_MARGIN, found)
+        spread(self.pose[:n], self._scratch.reach[:n], _PUSH_MARGIN, found)
         bodies = Bodies(
             self.motion[:n], self.pose[:n], self._move[:n], self.velocity[:n], self._half[:n], self._mass[:n],
             self.height[:n],
@@ -265,9 +266,15 @@ class World:
         self.body[rows, 0], self.body[rows, 1], self.body[rows, 2] = ahead, aside, spin
         self._loose[rows] = (np.abs(aside) > HOLD_SLIDE) | (np.abs(spin - rolling) > HOLD_SPIN)
         self.touched[touching[touching >= 0]] = self.tick
-        hard = touching[self._contacts.impulse > _KNOCK_DOWN_IMPULSE]
-        down = hard[hard >= 0]
-        self.motion[down[self.motion[down] == WALKING]] = RESTING
+        self._knock_down()
+
+    def _knock_down(self) -> None:
+        """Walkers hit by more than their own momentum fall; who merely runs into something stays up."""
+        for side in self._contacts.rows.T:
+            hit = (side >= 0) & (self.motion[side] == WALKING)
+            rows = side[hit]
+            own = self._mass[rows] * np.hypot(self.command[rows, 0], self.command[rows, 1])
+            self.motion[rows[self._contacts.impulse[hit] > _KNOCK_DOWN_IMPULSE + own]] = RESTING
 
     def _contact_events(self) -> NDArray[np.void]:
         if not len(self._contacts.rows):

@@ -101,8 +101,8 @@ def test_walkers_keep_their_velocity_and_who_is_gone_stays() -> None:
     walker, gone = Row(WALKING), Row(GONE, 3.0)
     walker.step(0.0, 2.0)
     gone.step(5.0, 5.0)
-    assert walker.move[0].tolist() == [0.0, 2.0 * DT, 0.0]
-    assert walker.velocity[0].tolist() == [0.0, 2.0, 0.0]
+    assert walker.move[0, :2].tolist() == [0.0, 2.0 * DT]
+    assert walker.velocity[0, :2].tolist() == [0.0, 2.0]
     assert not gone.move.any()
     assert not gone.body.any()
 
@@ -118,3 +118,13 @@ def test_a_sliding_car_comes_to_rest_on_its_tyres(motion: int) -> None:
     assert np.all(np.diff(speeds) <= 1e-12)
     assert not car.body.any()
     assert not car.loose[0]
+
+
+def test_a_walker_turns_to_where_it_goes_and_keeps_its_heading_while_it_stands() -> None:
+    walker = Row(WALKING)
+    for _ in range(12):
+        walker.step(-1.4, -0.01)
+        assert abs(walker.move[0, 2]) <= 6.0 * DT + 1e-12
+    assert walker.pose[0, 2] == pytest.approx(-math.pi, abs=0.01)
+    walker.step(0.05, 0.05)
+    assert walker.pose[0, 2] == pytest.approx(-math.pi, abs=0.01)
