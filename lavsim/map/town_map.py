@@ -60,12 +60,14 @@ class MarkLine:
         width: [m].
         colour: "white" or "yellow" (others as the file says).
         kind: "solid", "broken" (one polyline; dashes are the drawer's), "curb", "stop" …
+        z: (M,) heights of the points [m]; None where the map gives none.
     """
 
     points: Floats
     width: float
     colour: str
     kind: str
+    z: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -571,8 +573,8 @@ def _mark_lines(section: SectionShape, lane_id: int, marks: Sequence[RoadMark]) 
         words = mark.kind.split()
         kinds = [(words[0], 0.0)] if len(words) == 1 else [(words[0], DOUBLE_GAP), (words[1], -DOUBLE_GAP)]
         for kind, aside in kinds:
-            points = section.polyline((t + aside, slope), s)[:, :2]
-            lines.append(MarkLine(points, mark.width or 0.12, colour, kind))
+            points = section.polyline((t + aside, slope), s)
+            lines.append(MarkLine(points[:, :2], mark.width or 0.12, colour, kind, points[:, 2]))
     return lines
 
 

@@ -40,7 +40,7 @@ def draw_town(
     size = (width, max(1, round((y1 - y0 + 2.0 * margin) * scale)))
     canvas = Canvas.facing((x0 + x1) / 2.0, (y0 + y1) / 2.0, _NORTH_UP, size, scale)
     scene = get_scene(town)
-    canvas.draw_ground(scene.ground)
+    _draw_terrain(canvas, scene)
     draw_solids(canvas, scene.statics)
     if route is not None:
         draw_route(canvas, route)
@@ -69,7 +69,7 @@ def draw_snapshot(
     """
     ego = snapshot.ego
     canvas = Canvas.facing(ego.x, ego.y, ego.yaw, size, size[0] / metres, ahead)
-    canvas.draw_ground(scene.ground)
+    _draw_terrain(canvas, scene)
     if route is not None:
         draw_route(canvas, route)
     draw_actors(canvas, snapshot)
@@ -79,13 +79,19 @@ def draw_snapshot(
     return canvas
 
 
+def _draw_terrain(canvas: Canvas, scene: Scene) -> None:
+    canvas.draw_ground(scene.ground)
+    if scene.terrain.decks is not None:
+        canvas.draw_ground(scene.terrain.deck_raster, is_deck=True)
+
+
 def draw_solids(canvas: Canvas, solids: Solids) -> None:
     """Footprints of what is large; higher ones over lower ones."""
     height, width = canvas.image.shape[:2]
     at = canvas.pixels(solids.centre)
     reach = solids.radius * canvas.scale
     near = (at[:, 0] > -reach) & (at[:, 0] < width + reach) & (at[:, 1] > -reach) & (at[:, 1] < height + reach)
-    large = np.isin(solids.tag, np.array(_FLAT, np.uint8)) | (reach > 1.0)
+    large = (np.isin(solids.tag, np.array(_FLAT, np.uint8)) | (reach > 1.0)) & (solids.tag != Tag.BRIDGE)
     for k in np.flatnonzero(near & large)[np.argsort(solids.z1[near & large], kind="stable")]:
         red, green, blue = (int(v) for v in solids.colour[k])
         paint: Bgr = (blue, green, red)

@@ -14,7 +14,7 @@ from lavsim.render.ground import TAG_OF_SURFACE, surface_at
 from lavsim.render.look import look_of
 from lavsim.render.scene import Scene
 from lavsim.render.shade import shade
-from lavsim.render.zbuffer import Pinhole, Visibility
+from lavsim.render.zbuffer import DECK_FACE, Pinhole, Visibility
 from lavsim.types import Tag, VehicleLight
 from lavsim.world.snapshot import Snapshot
 
@@ -72,7 +72,7 @@ class CameraView:
         ego = snapshot.ego
         strength = _HEADLIGHTS * look.night if beams and look.night > 0.3 else 0.0
         return shade(
-            view, self.lens, self.mount.pose(snapshot), scene.statics, scene.actors(snapshot), scene.ground, look,
+            view, self.lens, self.mount.pose(snapshot), scene.statics, scene.actors(snapshot), scene.terrain, look,
             snapshot.lights, (ego.x, ego.y, ego.yaw, strength), snapshot.tick,
         )  # fmt: skip
 
@@ -90,7 +90,8 @@ class CameraView:
         pose: Pose = self.mount.pose(snapshot)
         return _labels(
             view.face, view.inverse_depth, self.lens.focal, pose.origin, pose.axes,
-            scene.ground.classes, scene.ground.origin, 1.0 / scene.ground.resolution, TAG_OF_SURFACE, tag, instance,
+            scene.ground.classes, scene.ground.origin, scene.terrain.deck_raster.classes,
+            scene.terrain.deck_raster.origin, 1.0 / scene.ground.resolution, TAG_OF_SURFACE, tag, instance,
         )  # fmt: skip
 
     def project(self, points: NDArray[np.float64], snapshot: Snapshot) -> NDArray[np.float64]:
@@ -113,8 +114,9 @@ _SKY = int(Tag.SKY)
 
 @kernel
 def _labels(  # type: ignore[no-untyped-def]
-    face, inverse_depth, focal, origin, axes, classes, corner, per_metre, tag_of_surface, tag, instance
-):
+    face, inverse_depth, focal, origin, axes, classes, corner, deck, deck_corner, per_metre, tag_of_surface, tag,
+    instance,
+):  # fmt: skip
     height, width = face.shape
     tags, instances = np.empty((height, width), np.uint8), np.empty((height, width), np.int32)
     for row in range(height):
@@ -133,6 +135,9 @@ def _labels(  # type: ignore[no-untyped-def]
             u = (column + 0.5 - width / 2.0) / focal
             depth = 1.0 / inverse
             x, y = origin[0] + depth * (base_x + u * axes[0, 1]), origin[1] + depth * (base_y + u * axes[1, 1])
-            surface = surface_at(classes, (x - corner[0]) * per_metre, (y - corner[1]) * per_metre)
+            if f == DECK_FACE:
+                surface = surface_at(deck, (x - deck_corner[0]) * per_metre, (y - deck_corner[1]) * per_metre)
+            else:
+                surface = surface_at(classes, (x - corner[0]) * per_metre, (y - corner[1]) * per_metre)
             tags[row, column] = tag_of_surface[surface]
     return tags, instances

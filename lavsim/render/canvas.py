@@ -65,8 +65,8 @@ class Canvas:
         points = np.asarray(points, np.float64)
         return points[:, :2] @ self.pixels_from_world[:, :2].T + self.pixels_from_world[:, 2]
 
-    def draw_ground(self, ground: GroundRaster) -> None:
-        """Paints the classes of the ground over the whole picture."""
+    def draw_ground(self, ground: GroundRaster, is_deck: bool = False) -> None:
+        """Paints the classes of the ground over the whole picture; of a bridge's deck, only its road."""
         height, width = self.image.shape[:2]
         cell = np.array([[ground.resolution, 0.0, ground.origin[0]], [0.0, ground.resolution, ground.origin[1]]])
         cell[:, 2] += ground.resolution / 2.0  # a cell's number is that of its centre
@@ -76,7 +76,12 @@ class Canvas:
         classes = cv2.warpAffine(
             ground.classes, fine, (width * _FINER, height * _FINER), flags=cv2.INTER_NEAREST, borderValue=0
         )
-        self.image[:] = cv2.resize(SURFACE_BGR[classes], (width, height), interpolation=cv2.INTER_AREA)
+        paint = cv2.resize(SURFACE_BGR[classes], (width, height), interpolation=cv2.INTER_AREA)
+        if is_deck:
+            road = classes[_FINER // 2 :: _FINER, _FINER // 2 :: _FINER] > 0
+            self.image[road] = paint[road]
+        else:
+            self.image[:] = paint
 
     def fill(self, polygon: ArrayLike, colour: Bgr, outline: Bgr | None = None) -> None:
         """Fills a convex world polygon (N, 2)."""

@@ -10,7 +10,7 @@ Paint is finer: the low half of a byte is the `Surface`, and each bit of the hig
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-VERSION = 5  # of what is drawn; raise it whenever another raster comes out
+VERSION = 6  # of what is drawn; raise it whenever another raster comes out
 RESOLUTION = 0.1  # [m] a cell
 _FINE = RESOLUTION / 2.0  # [m] what is drawn, before four become one
 MARGIN = 20.0  # [m] of terrain around the lanes
@@ -151,15 +151,47 @@ def _merge_quarters(fine, classes):  # type: ignore[no-untyped-def]
             classes[row, column] = common
 
 
-def ground_raster(town: TownMap) -> GroundRaster:
-    """The raster of `town`, from the cache folder when it was drawn before."""
-    x0, y0 = np.floor(np.asarray(town.bounds[:2]) - MARGIN)
-    path = cache_dir() / f"ground-{town.digest}-{VERSION}.npy"
+@dataclass(frozen=True)
+class Level:
+    """Which part of a town a raster shows, where roads pass over each other.
+
+    Attributes:
+        name: Of the raster's file.
+        bounds: x0, y0, x1, y1 [m], whole metres.
+        lanes: (P,) bool, the centre points of lanes that belong to it.
+        owns: Tells of points (N, 2) with heights (N,), NaN where the map gives none, which belong to it.
+    """
+
+    name: str
+    bounds: Floats
+    lanes: NDArray[np.bool_]
+    owns: Callable[[Floats, Floats], NDArray[np.bool_]]
+
+
+def whole_bounds(town: TownMap) -> Floats:
+    """x0, y0, x1, y1 of a town with its margin [m], whole metres."""
+    return np.concatenate([np.floor(town.bounds[:2] - MARGIN), np.ceil(town.bounds[2:] + MARGIN)])
+
+
+def whole_town(town: TownMap) -> Level:
+    """All of a town without bridges."""
+    return Level(
+        "ground",
+        whole_bounds(town),
+        np.ones(len(town.lanes.points), np.bool_),
+        lambda points, heights: np.ones(len(points), np.bool_),
+    )
+
+
+def ground_raster(town: TownMap, level: Level | None = None) -> GroundRaster:
+    """The raster of `town` (of one level of it), from the cache folder when it was drawn before."""
+    level = whole_town(town) if level is None else level
+    path = cache_dir() / f"{level.name}-{town.digest}-{VERSION}.npy"
     if not path.exists():
         buffer = io.BytesIO()
-        np.save(buffer, draw_ground(town))
+        np.save(buffer, draw_ground(town, level))
         replace_atomically(path, buffer.getvalue())
-    return GroundRaster(_mapped(path), np.array([x0, y0], np.float64))
+    return GroundRaster(_mapped(path), level.bounds[:2].copy())
 
 
 def _mapped(path: Path) -> NDArray[np.uint8]:
@@ -167,39 +199,51 @@ def _mapped(path: Path) -> NDArray[np.uint8]:
     return classes
 
 
-def draw_ground(town: TownMap) -> NDArray[np.uint8]:
+def draw_ground(town: TownMap, level: Level) -> NDArray[np.uint8]:
     """(H, W) classes, drawn from the map."""
-    low = np.floor(np.asarray(town.bounds[:2]) - MARGIN)
-    high = np.ceil(np.asarray(town.bounds[2:]) + MARGIN)
-    columns, rows = np.rint((high - low) / RESOLUTION).astype(int)
+    low = level.bounds[:2]
+    columns, rows = np.rint((level.bounds[2:] - low) / RESOLUTION).astype(int)
     classes = np.zeros((2 * rows, 2 * columns), np.uint8)
-    _draw_lanes(classes, low, town)
+    _draw_lanes(classes, low, town, level)
     for polygon in town.crosswalks:
-        _draw_crosswalk(classes, low, np.asarray(polygon, np.float64))
+        if level.owns(np.asarray(polygon)[:, :2], np.full(len(polygon), np.nan)).all():
+            _draw_crosswalk(classes, low, np.asarray(polygon, np.float64))
     for mark in town.marks:
         surface = _surface_of_mark(mark.colour, mark.kind)
         if surface is not None:
             broken = surface in (Surface.WHITE_BROKEN, Surface.YELLOW_BROKEN)
-            line = np.ascontiguousarray(np.asarray(mark.points, np.float64)[:, :2])
-            _fill_line(classes, low, line, max(float(mark.width), THINNEST), broken, int(surface))
+            points = np.asarray(mark.points, np.float64)[:, :2]
+            mine = level.owns(points, np.full(len(points), np.nan) if mark.z is None else mark.z)
+            for rows_of in _runs(mine):
+                line = np.ascontiguousarray(points[rows_of])
+                _fill_line(classes, low, line, max(float(mark.width), THINNEST), broken, int(surface))
     if not any(mark.kind == "stop" for mark in town.marks):
         for stop in (stop for light in town.lights for stop in light.stop_lines):
-            x, y, _, yaw, _ = town.centre([stop.lane], [stop.paint_u])[0]
-            fill_polygon(classes, (_across(x, y, yaw, stop.width) - low) / _FINE, int(Surface.STOP_LINE))
+            x, y, z, yaw, _ = town.centre([stop.lane], [stop.paint_u])[0]
+            if level.owns(np.array([[x, y]]), np.array([z]))[0]:
+                fill_polygon(classes, (_across(x, y, yaw, stop.width) - low) / _FINE, int(Surface.STOP_LINE))
     merged = np.empty((rows, columns), np.uint8)
     _merge_quarters(classes, merged)
     return merged
 
 
-def _draw_lanes(classes: NDArray[np.uint8], low: Floats, town: TownMap) -> None:
+def _runs(mask: NDArray[np.bool_]) -> Iterable[slice]:
+    """Stretches of True, at least two long, each with the point that follows it, so that neighbours meet."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    for begin, end in edges.reshape(-1, 2).tolist():
+        if min(end + 1, len(mask)) - begin > 1:
+            yield slice(begin, min(end + 1, len(mask)))
+
+
+def _draw_lanes(classes: NDArray[np.uint8], low: Floats, town: TownMap, level: Level) -> None:
     lanes = town.lanes
     for types, surface in _SURFACE_OF_TYPE:
         for lane in np.flatnonzero(lanes.type & int(types)):
-            rows = slice(lanes.first[lane], lanes.first[lane + 1])
-            points = lanes.points[rows]
-            _fill_strip(
-                classes, low, np.ascontiguousarray(points[:, [0, 1, 3]]), lanes.width[rows] / 2.0 + 0.02, int(surface)
-            )
+            first, last = int(lanes.first[lane]), int(lanes.first[lane + 1])
+            for run in _runs(level.lanes[first:last]):
+                rows = slice(first + run.start, first + run.stop)
+                points = np.ascontiguousarray(lanes.points[rows][:, [0, 1, 3]])
+                _fill_strip(classes, low, points, lanes.width[rows] / 2.0 + 0.02, int(surface))
 
 
 def _surface_of_mark(colour: str, kind: str) -> Surface | None:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from lavsim.kernel import kernel
 from lavsim.map.prisms import Prisms
 from lavsim.render.frame import Mount
-from lavsim.render.ground import GroundRaster, ground_raster
+from lavsim.render.ground import GroundRaster
 from lavsim.render.shapes import Look, Part, parts_of
-from lavsim.render.solids import Solids, solids_of
+from lavsim.render.solids import Solids, joined, solids_of
+from lavsim.render.terrain import Terrain, level_terrain, terrain_of
 from lavsim.render.zbuffer import Buffers, Pinhole, Visibility, draw_visibility, new_buffers
 from lavsim.world.snapshot import ActorTable, Snapshot
 
@@ -41,24 +42,36 @@ class Scene:
 
     Args:
         town: The map; None for a scene of its own.
-        ground: Raster; by default the town's.
+        ground: Raster or terrain; by default the town's.
         prisms: Statics; by default the town's scenery.
+
+    Attributes:
+        terrain: The ground: what it is made of, how high it lies, and bridges.
+        statics: Scenery, then the decks of bridges.
     """
 
-    def __init__(self, town: TownMap | None, ground: GroundRaster | None = None, prisms: Prisms | None = None) -> None:
+    def __init__(
+        self, town: TownMap | None, ground: GroundRaster | Terrain | None = None, prisms: Prisms | None = None
+    ) -> None:
         if ground is None or prisms is None:
             if town is None:
                 raise ValueError("a scene without a town needs its ground and its prisms")
-            ground = ground_raster(town) if ground is None else ground
+            ground = terrain_of(town) if ground is None else ground
             prisms = town.scenery.prisms if prisms is None else prisms
         self._town = town
-        self.ground = ground
-        self.statics = solids_of(prisms)
+        self.terrain = level_terrain(ground) if isinstance(ground, GroundRaster) else ground
+        statics = solids_of(prisms)
+        self.statics = statics if self.terrain.decks is None else joined([statics, self.terrain.decks])
         self._templates: tuple[ActorTable, _Templates] | None = None
         self._snapshot: Snapshot | None = None
         self._actors: Solids | None = None
         self._views: dict[tuple[Pinhole, Mount], Visibility] = {}
         self._spare: dict[tuple[int, ...], list[Buffers]] = {}
+
+    @property
+    def ground(self) -> GroundRaster:
+        """What the ground is made of, below bridges."""
+        return self.terrain.raster
 
     @property
     def town(self) -> TownMap:
@@ -88,7 +101,9 @@ class Scene:
         if self._actors is None:
             templates = self._templates_of(snapshot.table)
             self._actors = Solids(
-                *_place(templates, snapshot.rows, snapshot.ids, snapshot.xyz, snapshot.yaw, snapshot.state)
+                *_place(
+                    templates, snapshot.rows, snapshot.ids, snapshot.xyz, snapshot.yaw, snapshot.pitch, snapshot.state
+                )
             )
         return self._actors
 
@@ -99,7 +114,9 @@ class Scene:
         if key not in self._views:
             spare = self._spare.get((lens.height, lens.width))
             buffers = spare.pop() if spare else new_buffers(lens)
-            self._views[key] = draw_visibility(lens, mount.pose(snapshot), self.statics, self.actors(snapshot), buffers)
+            self._views[key] = draw_visibility(
+                lens, mount.pose(snapshot), self.statics, self.actors(snapshot), buffers, self.terrain.heights
+            )
         return self._views[key]
 
     def _turn_to(self, snapshot: Snapshot) -> None:
@@ -134,8 +151,8 @@ def _templates(table: ActorTable) -> _Templates:
 
 
 @kernel
-def _place(templates, rows, ids, xyz, yaw, state):  # type: ignore[no-untyped-def]
-    """Columns of `Solids` for the actors present."""
+def _place(templates, rows, ids, xyz, yaw, pitch, state):  # type: ignore[no-untyped-def]
+    """Columns of `Solids` for the actors present; a pitched actor's boxes lean with the slope, their sides upright."""
     total = 0
     for row in rows:
         total += templates.first[row + 1] - templates.first[row]
@@ -144,9 +161,10 @@ def _place(templates, rows, ids, xyz, yaw, state):  # type: ignore[no-untyped-de
     tag, material = np.empty(total, np.uint8), np.empty(total, np.uint8)
     colour = np.empty((total, 3), np.float32)
     instance, lights = np.empty(total, np.int32), np.empty(total, np.int32)
+    tilt = np.empty((total, 2))
     k = 0
     for i in range(len(rows)):
-        c, s = np.cos(yaw[i]), np.sin(yaw[i])
+        c, s, rise = np.cos(yaw[i]), np.sin(yaw[i]), np.tan(pitch[i])
         for part in range(templates.first[rows[i]], templates.first[rows[i] + 1]):
             box = templates.box[part]
             for corner in range(4):  # front left, front right, rear right, rear left
@@ -157,12 +175,14 @@ def _place(templates, rows, ids, xyz, yaw, state):  # type: ignore[no-untyped-de
             centre[k, 0] = xyz[i, 0] + c * box[0] - s * box[1]
             centre[k, 1] = xyz[i, 1] + s * box[0] + c * box[1]
             radius[k] = np.sqrt(box[2] * box[2] + box[3] * box[3]) / 2.0
-            z0[k], z1[k] = xyz[i, 2] + box[4], xyz[i, 2] + box[5]
+            level = xyz[i, 2] + rise * box[0]
+            z0[k], z1[k] = level + box[4], level + box[5]
+            tilt[k, 0], tilt[k, 1] = rise * c, rise * s
             tag[k], material[k], colour[k] = templates.tag[part], templates.material[part], templates.colour[part]
             instance[k], lights[k] = ids[i], state[i, 0]
             k += 1
     count, light = np.full(total, 4, np.int32), np.full(total, -1, np.int32)
-    return xy, count, z0, z1, centre, radius, tag, material, colour, instance, light, lights
+    return xy, count, z0, z1, centre, radius, tag, material, colour, instance, light, lights, tilt
 
 
 _SCENES: dict[tuple[str, str], Scene] = {}

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
 from lavsim.render.frame import Pose
-from lavsim.render.ground import GroundRaster, surface_at
+from lavsim.render.ground import surface_at
 from lavsim.render.look import FOG_STEPS, SKY_STEPS, Look, Swatch
 from lavsim.render.solids import Material, Solids
-from lavsim.render.zbuffer import TOP, UNDERSIDE, Pinhole, Visibility
+from lavsim.render.terrain import Terrain
+from lavsim.render.zbuffer import DECK_FACE, TOP, UNDERSIDE, Pinhole, Visibility
 from lavsim.types import VehicleLight
 
 _WALL, _FOLIAGE, _LAMP, _BODY = int(Material.WALL), int(Material.FOLIAGE), int(Material.LAMP), int(Material.BODY)
@@ -44,7 +45,7 @@ def shade(
     pose: Pose,
     statics: Solids,
     actors: Solids,
-    ground: GroundRaster,
+    terrain: Terrain,
     look: Look,
     lights: NDArray[np.uint8],
     headlights: tuple[float, float, float, float],
@@ -57,10 +58,12 @@ def shade(
         tick: For what blinks.
     """
     table, material, side, state = _face_table(*view.faces, statics, actors, look, lights)
+    ground = terrain.raster
     blink = (tick // BLINK_TICKS) % 2 == 0
     pixels = _shade(
         view.face, view.inverse_depth, lens.focal, pose.origin, pose.axes, ground.classes, ground.origin,
-        1.0 / ground.resolution, look, table, material, side, state, headlights, blink,
+        terrain.deck_raster.classes, terrain.deck_raster.origin, 1.0 / ground.resolution, look,
+        table, material, side, state, headlights, blink,
     )  # fmt: skip
     return pixels.view(np.uint8).reshape(lens.height, lens.width, 4)
 
@@ -140,7 +143,7 @@ def _hash(a, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def _shade(  # type: ignore[no-untyped-def]
-    face, inverse_depth, focal, origin, axes, classes, corner, per_metre,
+    face, inverse_depth, focal, origin, axes, classes, corner, deck, deck_corner, per_metre,
     look, table, material, side, state, headlights, blink,
 ):  # fmt: skip
     """Row by row: places first, then their colours, then air and packing; only the colours need branches."""
@@ -154,7 +157,7 @@ def _shade(  # type: ignore[no-untyped-def]
         _place_row(inverse_depth[row], focal, origin, axes, ray, place, depth)
         _colour_row(
             face[row], inverse_depth[row], focal, origin[2], ray[2], axes[2, 1], place, depth, classes, corner,
-            per_metre, look, table, material, side, state, blink, paint,
+            deck, deck_corner, per_metre, look, table, material, side, state, blink, paint,
         )  # fmt: skip
         if headlights[3] > 0.0:
             _light_row(headlights, place, paint)
@@ -175,8 +178,8 @@ def _place_row(inverse, focal, origin, axes, ray, place, depth):  # type: ignore
 
 @kernel
 def _colour_row(  # type: ignore[no-untyped-def]
-    face, inverse, focal, height, rise, rise_step, place, depth, classes, corner, per_metre, look, table, material,
-    side, state, blink, paint,
+    face, inverse, focal, height, rise, rise_step, place, depth, classes, corner, deck, deck_corner, per_metre, look,
+    table, material, side, state, blink, paint,
 ):  # fmt: skip
     """Lit colours of a row of pixels, and how much of each shines through fog."""
     width = len(face)
@@ -218,8 +221,13 @@ def _colour_row(  # type: ignore[no-untyped-def]
                     green += (look.swatches[swatch, 1] - green) * share
                     blue += (look.swatches[swatch, 2] - blue) * share
         elif inverse[column] > 0.0:
-            cx, cy = (place[0, column] - corner[0]) * per_metre, (place[1, column] - corner[1]) * per_metre
-            surface = surface_at(classes, cx, cy)
+            if f == DECK_FACE:
+                cx = (place[0, column] - deck_corner[0]) * per_metre
+                cy = (place[1, column] - deck_corner[1]) * per_metre
+                surface = surface_at(deck, cx, cy)
+            else:
+                cx, cy = (place[0, column] - corner[0]) * per_metre, (place[1, column] - corner[1]) * per_metre
+                surface = surface_at(classes, cx, cy)
             grain = one + look.grain[surface] * _hash(int(np.floor(cx)) >> 1, int(np.floor(cy)) >> 1)
             red, green, blue = look.ground[surface, 0], look.ground[surface, 1], look.ground[surface, 2]
             red, green, blue, glow = red * grain, green * grain, blue * grain, np.float32(0.0)

@@ -91,7 +91,10 @@ def draw_sweep(scene: Scene, snapshots: Sequence[Snapshot], size: tuple[int, int
     clouds = []
     for snapshot in snapshots:
         pose = LIDAR_MOUNT.pose(snapshot)
-        sweep = cast_sweep(LidarModel(), pose, snapshot.tick, draws, scene.statics, scene.actors(snapshot))
+        sweep = cast_sweep(
+            LidarModel(), pose, snapshot.tick, draws, scene.statics, scene.actors(snapshot),
+            heights=scene.terrain.heights,
+        )  # fmt: skip
         clouds.append(pose.to_world(sweep.points[:, :3].astype(np.float64)))
     points = np.concatenate(clouds)
     points = points[np.argsort(points[:, 2], kind="stable")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ class Material(IntEnum):
     GLASS = 5  # a cabin: windows on the sides, paint on the roof
     TYRE = 6
     POSTER = 7  # a lit front, as of a vending machine
+    DECK = 8  # of a bridge: its top shows the road on it
 
 
 class Solids(NamedTuple):
@@ -31,10 +33,12 @@ class Solids(NamedTuple):
     Footprints turn from +x towards +y (positive shoelace area), so `(ey, -ex)` points out of edge `(ex, ey)`. A
     vehicle's footprint starts at its front left, so edges 0 to 3 are front, right, rear, left.
 
+    Tops and undersides are parallel planes that may slope, as a deck or a car on a ramp does; sides stay upright.
+
     Attributes:
         xy: (K, 8, 2) float64 world footprints [m]; slots from `corners` on are unused.
         corners: (K,) int32 vertices used.
-        z0, z1: (K,) float64 underside and top [m].
+        z0, z1: (K,) float64 underside and top at `centre` [m].
         centre: (K, 2) float64 of a circle around the footprint [m].
         radius: (K,) float64 of that circle [m].
         tag: (K,) uint8 `Tag`.
@@ -43,6 +47,7 @@ class Solids(NamedTuple):
         instance: (K,) int32 actor id, 0 static.
         light: (K,) int32 traffic light it belongs to, -1 none.
         state: (K,) int32: a lamp's state in which it is lit (-1 none) on statics, `VehicleLight` bits on vehicles.
+        tilt: (K, 2) float64 rise of underside and top along x and y.
     """
 
     xy: NDArray[np.float64]
@@ -57,6 +62,7 @@ class Solids(NamedTuple):
     instance: NDArray[np.int32]
     light: NDArray[np.int32]
     state: NDArray[np.int32]
+    tilt: NDArray[np.float64]
 
 
 _MATERIAL_OF_TAG = np.zeros(256, np.uint8)
@@ -87,6 +93,38 @@ def solids_of(prisms: Prisms) -> Solids:
         instance=prisms.instance.astype(np.int32),
         light=prisms.light.astype(np.int32),
         state=prisms.lamp.astype(np.int32),
+        tilt=np.zeros((len(count), 2)),
+    )
+
+
+def joined(parts: Sequence[Solids]) -> Solids:
+    """All solids of `parts`, in order."""
+    return Solids(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def plane_solid(corners: NDArray[np.float64], depth: float, tag: Tag, colour: tuple[int, int, int]) -> Solids:
+    """A slab whose top is the plane through `corners` (n, 3) that fits them best, `depth` [m] thick."""
+    vertices = np.repeat(corners[-1:, :2], MAX_VERTICES, axis=0)
+    vertices[: len(corners)] = corners[:, :2]
+    xy, count = _turned(vertices[None], np.array([len(corners)], np.int32))
+    centre = (corners[:, :2].min(axis=0) + corners[:, :2].max(axis=0)) / 2.0
+    system = np.column_stack([corners[:, :2] - centre, np.ones(len(corners))])
+    rise_x, rise_y, top = np.linalg.lstsq(system, corners[:, 2], rcond=None)[0]
+    one = np.ones(1, np.int32)
+    return Solids(
+        xy=xy,
+        corners=count,
+        z0=np.array([top - depth]),
+        z1=np.array([top]),
+        centre=centre[None],
+        radius=np.array([np.hypot(*(corners[:, :2] - centre).T).max()]),
+        tag=np.array([tag], np.uint8),
+        material=np.array([Material.DECK], np.uint8),
+        colour=np.array([colour], np.float32),
+        instance=0 * one,
+        light=-one,
+        state=-one,
+        tilt=np.array([[rise_x, rise_y]]),
     )
 
 

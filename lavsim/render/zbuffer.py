@@ -9,13 +9,19 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
 from lavsim.render.frame import Pose
-from lavsim.render.solids import Solids
+from lavsim.render.heights import LEVEL_GROUND, Heights, level_within, meet_ground
+from lavsim.render.solids import Material, Solids
 
 NEAR = 0.1  # [m] nothing nearer along the optical axis is drawn
 SMALLEST = 0.3  # [px] solids whose circle is smaller than this are left out
 TOP, UNDERSIDE = 8, 9  # side numbers of the caps; 0 to 7 are the edges of the footprint
 
 NO_FACE = -1  # ground where the inverse depth is positive, sky where it is 0
+DECK_FACE = -2  # the top of a bridge's deck
+FARTHEST = 1000.0  # [m] of ground that is not level
+_CARRIED = 0.98  # share of the run of a pixel's lower neighbour up to which its ray needs no look at the ground
+
+_DECK = int(Material.DECK)
 
 
 class Pinhole(NamedTuple):
@@ -42,7 +48,7 @@ class Visibility(NamedTuple):
     """What one pass leaves.
 
     Attributes:
-        face: (H, W) int32 row in `faces`, `NO_FACE` for ground and sky.
+        face: (H, W) int32 row in `faces`, `NO_FACE` for ground and sky, `DECK_FACE` for the road on a bridge.
         inverse_depth: (H, W) float32 one over the distance along the optical axis [1/m], 0 for sky.
         faces: The faces drawn.
     """
@@ -62,18 +68,27 @@ def new_buffers(lens: Pinhole) -> Buffers:
 
 
 def draw_visibility(
-    lens: Pinhole, pose: Pose, statics: Solids, actors: Solids, buffers: Buffers | None = None
+    lens: Pinhole,
+    pose: Pose,
+    statics: Solids,
+    actors: Solids,
+    buffers: Buffers | None = None,
+    heights: Heights = LEVEL_GROUND,
 ) -> Visibility:
     """What a camera at `pose` sees, drawn into `buffers`."""
     face, depth = new_buffers(lens) if buffers is None else buffers
-    solid, side = _draw(face, depth, lens.focal, pose.origin, pose.axes, statics, actors)
+    solid, side = _draw(face, depth, lens.focal, pose.origin, pose.axes, statics, actors, heights)
     return Visibility(face, depth, Faces(solid, side))
 
 
 @kernel
-def _draw(face, depth, focal, origin, axes, statics, actors):  # type: ignore[no-untyped-def]
+def _draw(face, depth, focal, origin, axes, statics, actors, heights):  # type: ignore[no-untyped-def]
     face.fill(NO_FACE)
-    _draw_ground(depth, focal, origin, axes)
+    level = level_within(heights, origin[0], origin[1], FARTHEST)
+    if np.isnan(level):
+        _draw_slopes(depth, focal, origin, axes, heights)
+    else:
+        _draw_plane(depth, focal, origin, axes, level)
     capacity = 4 * (len(statics.corners) + len(actors.corners)) + 64
     solid, side = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
     found, solid, side = _draw_solids(statics, 0, origin, axes, focal, depth, face, solid, side, 0)
@@ -84,15 +99,37 @@ def _draw(face, depth, focal, origin, axes, statics, actors):  # type: ignore[no
 
 
 @kernel
-def _draw_ground(depth, focal, origin, axes):  # type: ignore[no-untyped-def]
-    """Inverse depths of the ground plane z = 0, 0 above its horizon; a height map would be drawn here."""
+def _draw_plane(depth, focal, origin, axes, level):  # type: ignore[no-untyped-def]
+    """Inverse depths of the ground plane z = `level`, 0 above its horizon."""
     height, width = depth.shape
     across, down, base = -axes[2, 1] / focal, axes[2, 2] / focal, -axes[2, 0]
-    scale = 1.0 / origin[2] if origin[2] > 0.0 else 0.0
+    above = origin[2] - level
+    scale = 1.0 / above if above > 0.0 else 0.0
     for row in range(height):
         first = base + down * (row + 0.5 - height / 2.0)
         for column in range(width):
             depth[row, column] = max(0.0, (first + across * (column + 0.5 - width / 2.0)) * scale)
+
+
+@kernel
+def _draw_slopes(depth, focal, origin, axes, heights):  # type: ignore[no-untyped-def]
+    """Inverse depths of the ground; each pixel's search begins near where its lower neighbour's ended."""
+    height, width = depth.shape
+    carried = _CARRIED if axes[2, 2] > 0.9 else 0.0  # of a camera on its side, rows are no order of nearness
+    headings, slopes, flat, runs = np.empty((height, 2)), np.empty(height), np.empty(height), np.empty(height)
+    limits = np.full(height, FARTHEST)
+    for column in range(width):
+        u = (column + 0.5 - width / 2.0) / focal
+        for n in range(height):  # from the bottom row up
+            v = (height / 2.0 - n - 0.5) / focal
+            x = axes[0, 0] + u * axes[0, 1] - v * axes[0, 2]
+            y = axes[1, 0] + u * axes[1, 1] - v * axes[1, 2]
+            flat[n] = max(np.sqrt(x * x + y * y), 1e-9)
+            headings[n, 0], headings[n, 1] = x / flat[n], y / flat[n]
+            slopes[n] = (axes[2, 0] + u * axes[2, 1] - v * axes[2, 2]) / flat[n]
+        meet_ground(heights, origin, headings, slopes, limits, carried, runs)
+        for n in range(height):
+            depth[height - 1 - n, column] = flat[n] / max(runs[n], 1e-3)
 
 
 @kernel
@@ -117,7 +154,11 @@ def _draw_solids(  # type: ignore[no-untyped-def]
     for k in range(len(solids.corners)):
         cx, cy = solids.centre[k, 0] - origin[0], solids.centre[k, 1] - origin[1]
         low, high = solids.z0[k] - origin[2], solids.z1[k] - origin[2]
+        tilt_x, tilt_y = solids.tilt[k, 0], solids.tilt[k, 1]
+        is_tilted = tilt_x != 0.0 or tilt_y != 0.0
         cz, tall = (low + high) / 2.0, (high - low) / 2.0
+        if is_tilted:
+            tall += solids.radius[k] * np.sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
         reach = np.sqrt(solids.radius[k] * solids.radius[k] + tall * tall)
         z = axes[0, 0] * cx + axes[1, 0] * cy + axes[2, 0] * cz
         if z + reach < NEAR:
@@ -129,12 +170,18 @@ def _draw_solids(  # type: ignore[no-untyped-def]
         if found + 10 > len(face_solid):
             face_solid = np.concatenate((face_solid, np.empty_like(face_solid)))
             face_side = np.concatenate((face_side, np.empty_like(face_side)))
+        if is_tilted:  # heights of the two planes above and below the eye
+            lift = tilt_x * cx + tilt_y * cy
+            low, high = low - lift, high - lift
         n = solids.corners[k]
+        is_deck = solids.material[k] == _DECK
         for side in range(n + 2):
-            size = _face_corners(solids, k, side, n, origin, low, high, axes, corners)
+            size = _face_corners(solids, k, side, n, origin, low, high, axes, corners, is_tilted)
             if size == 0:
                 continue
-            if _draw_face(corners, size, focal, depth, face, found, scratch):
+            if is_deck and side == n:
+                _draw_face(corners, size, focal, depth, face, DECK_FACE, scratch)
+            elif _draw_face(corners, size, focal, depth, face, found, scratch):
                 face_solid[found] = k + offset
                 face_side[found] = side if side < n else TOP + side - n
                 found += 1
@@ -149,24 +196,32 @@ def _to_camera(axes, x, y, z, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _face_corners(solids, k, side, n, origin, low, high, axes, corners):  # type: ignore[no-untyped-def]
-    """Fills `corners` with a face's corners in the camera frame (right, down, forward); 0 if it looks away."""
+def _face_corners(  # type: ignore[no-untyped-def]
+    solids, k, side, n, origin, low, high, axes, corners, is_tilted
+):
+    """Fills `corners` with a face's corners in the camera frame (right, down, forward); 0 if it looks away.
+
+    `low` and `high` are the heights of the underside and the top over the eye.
+    """
+    tx, ty = (solids.tilt[k, 0], solids.tilt[k, 1]) if is_tilted else (0.0, 0.0)
     if side >= n:
         if (side == n and high >= 0.0) or (side == n + 1 and low <= 0.0):
             return 0
         level = high if side == n else low
         for e in range(n):
-            _to_camera(axes, solids.xy[k, e, 0] - origin[0], solids.xy[k, e, 1] - origin[1], level, corners[e])
+            x, y = solids.xy[k, e, 0] - origin[0], solids.xy[k, e, 1] - origin[1]
+            _to_camera(axes, x, y, level + tx * x + ty * y, corners[e])
         return n
     other = side + 1 if side + 1 < n else 0
     ax, ay = solids.xy[k, side, 0] - origin[0], solids.xy[k, side, 1] - origin[1]
     bx, by = solids.xy[k, other, 0] - origin[0], solids.xy[k, other, 1] - origin[1]
     if (by - ay) * ax - (bx - ax) * ay >= 0.0:
         return 0
-    _to_camera(axes, ax, ay, low, corners[0])
-    _to_camera(axes, bx, by, low, corners[1])
-    _to_camera(axes, bx, by, high, corners[2])
-    _to_camera(axes, ax, ay, high, corners[3])
+    rise_a, rise_b = tx * ax + ty * ay, tx * bx + ty * by
+    _to_camera(axes, ax, ay, low + rise_a, corners[0])
+    _to_camera(axes, bx, by, low + rise_b, corners[1])
+    _to_camera(axes, bx, by, high + rise_b, corners[2])
+    _to_camera(axes, ax, ay, high + rise_a, corners[3])
     return 4
 
 

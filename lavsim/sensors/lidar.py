@@ -39,4 +39,13 @@ class Lidar(Sensor):
         """The returns together with what they hit."""
         pose = self.config.mount.pose(snapshot)
         actors = scene.actors(snapshot)
-        return cast_sweep(self.model, pose, snapshot.tick, self.draws(draws), scene.statics, actors, self._scratch)
+        return cast_sweep(
+            self.model,
+            pose,
+            snapshot.tick,
+            self.draws(draws),
+            scene.statics,
+            actors,
+            self._scratch,
+            scene.terrain.heights,
+        )

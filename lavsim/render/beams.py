@@ -1,0 +1,314 @@
+"""Where the beams of a LiDAR end: kernels that cast every solid into the beams that can meet it.
+
+A level sensor's beams of one azimuth lie in one upright plane, so a solid is cut once per azimuth and serves all
+channels: it covers a contiguous run of them. Solids come front to back and are skipped where nothing behind can be
+seen any more. A tilted sensor has no such planes; there each beam is cut on its own.
+
+Solids whose tops slope need no kernel of their own: along one azimuth they are level ones under beams that slope less.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lavsim.kernel import kernel
+from lavsim.render.heights import level_within, meet_ground
+
+NO_HIT = -2
+GROUND_HIT = -1
+
+
+class Beams(NamedTuple):
+    """Per channel, topmost first: slope (rise over horizontal run), its inverse, secant, horizontal range [m]."""
+
+    slope: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    secant: NDArray[np.float64]
+    reach: NDArray[np.float64]
+
+
+@kernel
+def _plane_run(height, inverse):  # type: ignore[no-untyped-def]
+    """Horizontal run [m] to a level ground of a beam `height` above it, `inverse` being run over rise."""
+    run = -height * inverse
+    return run if run > 0.0 else np.inf
+
+
+@kernel
+def _start_level(origin, direction, beams, level, sent, run, hit, farthest):  # type: ignore[no-untyped-def]
+    """Ground returns of all beams over a plane: the same in every column."""
+    columns, channels = sent.shape
+    first_run, first_hit = np.empty(channels), np.empty(channels, np.int32)
+    for i in range(channels):
+        ground = _plane_run(origin[2] - level, beams.inverse[i])
+        first_run[i] = min(ground, beams.reach[i])
+        first_hit[i] = GROUND_HIT if ground <= beams.reach[i] else NO_HIT
+    for j in range(columns):
+        for i in range(channels):
+            run[j, i] = first_run[i] if sent[j, i] else -1.0
+            hit[j, i] = first_hit[i]
+            farthest[j] = max(farthest[j], run[j, i])
+
+
+@kernel
+def _start_sloping(origin, direction, beams, heights, sent, run, hit, farthest):  # type: ignore[no-untyped-def]
+    """Ground returns over slopes: the beams of a column lie in one upright plane, so each begins where the steeper
+    one below it met the ground."""
+    columns, channels = sent.shape
+    headings, slopes, limits = np.empty((channels, 2)), beams.slope[::-1].copy(), beams.reach[::-1].copy()
+    met = np.empty(channels)
+    for j in range(columns):
+        headings[:] = direction[j]
+        meet_ground(heights, origin, headings, slopes, limits, 1.0, met)
+        for i in range(channels):
+            ground = met[channels - 1 - i]
+            run[j, i] = min(ground, beams.reach[i]) if sent[j, i] else -1.0
+            hit[j, i] = GROUND_HIT if ground <= beams.reach[i] else NO_HIT
+            farthest[j] = max(farthest[j], run[j, i])
+
+
+@kernel
+def cast_level(  # type: ignore[no-untyped-def]
+    origin, start, step, beams, sent, run, hit, statics, actors, heights, max_range
+):
+    """Fills `run` with distances [m] and `hit` with what was met; beams not sent have a negative distance.
+
+    Args:
+        origin: Of the sensor, which stands level.
+        start, step: World bearing of the first column and between columns [rad]; at most a full turn in all.
+        beams: By channel, topmost first.
+        sent: (columns, channels) bool.
+        run, hit: (columns, channels) to fill.
+        statics, actors, heights: What there is to meet.
+        max_range: [m]
+    """
+    columns, channels = sent.shape
+    farthest, direction = np.zeros(columns), np.empty((columns, 2))
+    for j in range(columns):
+        direction[j, 0], direction[j, 1] = np.cos(start + j * step), np.sin(start + j * step)
+    level = level_within(heights, origin[0], origin[1], max_range)
+    if np.isnan(level):
+        _start_sloping(origin, direction, beams, heights, sent, run, hit, farthest)
+    else:
+        _start_level(origin, direction, beams, level, sent, run, hit, farthest)
+    _cast_solids(statics, 0, origin, start, step, direction, beams, max_range, run, hit, farthest)
+    _cast_solids(actors, len(statics.corners), origin, start, step, direction, beams, max_range, run, hit, farthest)
+    for j in range(columns):
+        for i in range(channels):
+            run[j, i] *= beams.secant[i]
+
+
+@kernel
+def _planes(solids, k, origin):  # type: ignore[no-untyped-def]
+    """Heights of a solid's underside and top over the sensor, where it stands."""
+    lift = solids.tilt[k, 0] * (origin[0] - solids.centre[k, 0]) + solids.tilt[k, 1] * (origin[1] - solids.centre[k, 1])
+    return solids.z0[k] + lift - origin[2], solids.z1[k] + lift - origin[2]
+
+
+@kernel
+def _near_first(solids, origin, max_range):  # type: ignore[no-untyped-def]
+    """Rows of the solids within range, nearest first."""
+    rows = np.empty(len(solids.corners), np.int32)
+    near = np.empty(len(solids.corners))
+    found = 0
+    for k in range(len(solids.corners)):
+        dx, dy = solids.centre[k, 0] - origin[0], solids.centre[k, 1] - origin[1]
+        reach = max_range + solids.radius[k]
+        square = dx * dx + dy * dy
+        if square < reach * reach:
+            rows[found], near[found] = k, np.sqrt(square) - solids.radius[k]
+            found += 1
+    return rows[:found][np.argsort(near[:found], kind="mergesort")]
+
+
+@kernel
+def _edges(solids, k, ox, oy, edges):  # type: ignore[no-untyped-def]
+    """Fills `edges` (n, 3) with outward normals and their offsets from the origin; True if the origin is inside."""
+    n = solids.corners[k]
+    inside = True
+    for e in range(n):
+        f = e + 1 if e + 1 < n else 0
+        x, y = solids.xy[k, e, 0] - ox, solids.xy[k, e, 1] - oy
+        nx, ny = solids.xy[k, f, 1] - oy - y, x - (solids.xy[k, f, 0] - ox)
+        edges[e, 0], edges[e, 1], edges[e, 2] = nx, ny, nx * x + ny * y
+        inside = inside and edges[e, 2] >= 0.0
+    return inside
+
+
+@kernel
+def _span(solids, k, ox, oy, inside):  # type: ignore[no-untyped-def]
+    """Bearing of a solid's centre and the extremes of its footprint relative to it [rad]."""
+    cx, cy = solids.centre[k, 0] - ox, solids.centre[k, 1] - oy
+    if inside:
+        return 0.0, -np.pi, np.pi
+    low, high = 0.0, 0.0
+    for e in range(solids.corners[k]):
+        x, y = solids.xy[k, e, 0] - ox, solids.xy[k, e, 1] - oy
+        angle = np.arctan2(cx * y - cy * x, cx * x + cy * y)
+        low, high = min(low, angle), max(high, angle)
+    return np.arctan2(cy, cx), low, high
+
+
+@kernel
+def _cut(edges, n, dx, dy):  # type: ignore[no-untyped-def]
+    """Runs at which a horizontal ray enters and leaves a footprint; enter > leave if it misses."""
+    enter, leave = -np.inf, np.inf
+    for e in range(n):
+        along = edges[e, 0] * dx + edges[e, 1] * dy
+        if along < 0.0:
+            enter = max(enter, edges[e, 2] / along)
+        elif along > 0.0:
+            leave = min(leave, edges[e, 2] / along)
+        elif edges[e, 2] < 0.0:
+            return 1.0, 0.0
+    if leave <= 0.0:
+        return 1.0, 0.0
+    return enter, leave
+
+
+@kernel
+def _cast_solids(  # type: ignore[no-untyped-def]
+    solids, offset, origin, start, step, direction, beams, max_range, run, hit, farthest
+):
+    turn = 2.0 * np.pi
+    columns = len(direction)
+    edges = np.empty((8, 3))
+    for k in _near_first(solids, origin, max_range):
+        below, above = _planes(solids, k, origin)
+        inside = _edges(solids, k, origin[0], origin[1], edges)
+        if inside and below <= 0.0 <= above:
+            continue  # the sensor is in it
+        bearing, low, high = _span(solids, k, origin[0], origin[1], inside)
+        bearing = (bearing - start) % turn
+        tilt_x, tilt_y = solids.tilt[k, 0], solids.tilt[k, 1]
+        for shift in range(-1, 2):
+            first = max(0, int(np.ceil((bearing + low + shift * turn) / step)))
+            last = min(columns - 1, int(np.floor((bearing + high + shift * turn) / step)))
+            for j in range(first, last + 1):
+                enter, leave = _cut(edges, solids.corners[k], direction[j, 0], direction[j, 1])
+                enter = max(enter, 0.0)
+                if enter < leave and enter < farthest[j]:
+                    rise = tilt_x * direction[j, 0] + tilt_y * direction[j, 1]
+                    _fill_column(beams, below, above, rise, enter, leave, k + offset, run[j], hit[j], farthest, j)
+
+
+@kernel
+def _channel_at(slope, value):  # type: ignore[no-untyped-def]
+    """First channel whose slope is at most `value`; slopes fall with the channel."""
+    low, high = 0, len(slope)
+    while low < high:
+        middle = (low + high) >> 1
+        if slope[middle] > value:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def _fill_column(  # type: ignore[no-untyped-def]
+    beams, below, above, rise, enter, leave, row, run, hit, farthest, j
+):
+    """Shortens the beams of one azimuth that meet a solid between runs `enter` and `leave`.
+
+    Underside and top climb by `rise` along the azimuth, from `below` and `above` at the sensor.
+    """
+    steepest = (above / enter if above > 0.0 else above / leave) + rise
+    flattest = (below / leave if below > 0.0 else below / enter) + rise
+    cap = above if above < 0.0 else (below if below > 0.0 else 0.0)  # the cap that can be met, if any
+    changed = False
+    for i in range(_channel_at(beams.slope, steepest), len(run)):
+        if beams.slope[i] < flattest:
+            break
+        reached = enter
+        if cap != 0.0:
+            reached = max(enter, cap * beams.inverse[i] if rise == 0.0 else cap / (beams.slope[i] - rise))
+        if reached < run[i]:
+            run[i], hit[i], changed = reached, row, True
+    if changed:
+        longest = 0.0
+        for i in range(len(run)):
+            longest = max(longest, run[i])
+        farthest[j] = longest
+
+
+@kernel
+def cast_tilted(  # type: ignore[no-untyped-def]
+    origin, axes, cosine, sine, beams, sent, run_of, hit_of, statics, actors, heights, max_range
+):
+    """As `cast_level` for any attitude and any azimuths: beams are binned by world bearing, each is cut on its own."""
+    columns, channels = sent.shape
+    bins = 1024
+    total = columns * channels
+    heading, slope, flat, reach = np.empty((total, 2)), np.empty(total), np.empty(total), np.empty(total)
+    bucket, first = np.empty(total, np.int32), np.zeros(bins + 1, np.int32)
+    run, hit = run_of.reshape(total), hit_of.reshape(total)
+    level = level_within(heights, origin[0], origin[1], max_range)
+    for b in range(total):
+        j, i = b // channels, b % channels
+        cos_e = 1.0 / beams.secant[i]
+        f, r, u = cos_e * cosine[j], cos_e * sine[j], cos_e * beams.slope[i]
+        x = axes[0, 0] * f + axes[0, 1] * r + axes[0, 2] * u
+        y = axes[1, 0] * f + axes[1, 1] * r + axes[1, 2] * u
+        z = axes[2, 0] * f + axes[2, 1] * r + axes[2, 2] * u
+        flat[b] = max(np.sqrt(x * x + y * y), 1e-9)
+        heading[b, 0], heading[b, 1], slope[b] = x / flat[b], y / flat[b], z / flat[b]
+        bucket[b] = int(np.floor((np.arctan2(y, x) / (2.0 * np.pi)) * bins)) % bins
+        first[bucket[b] + 1] += 1
+        reach[b] = max_range * flat[b] if sent[j, i] else -1.0
+        run[b] = _plane_run(origin[2] - level, 1.0 / slope[b])
+    if np.isnan(level):
+        meet_ground(heights, origin, heading, slope, reach, 0.0, run)
+    for b in range(total):
+        hit[b] = GROUND_HIT if run[b] <= reach[b] else NO_HIT
+        run[b] = min(run[b], reach[b])
+    for q in range(bins):
+        first[q + 1] += first[q]
+    order, filled = np.empty(total, np.int32), first.copy()
+    for b in range(total):
+        order[filled[bucket[b]]] = b
+        filled[bucket[b]] += 1
+    _cut_beams(statics, 0, origin, max_range, first, order, heading, slope, run, hit)
+    _cut_beams(actors, len(statics.corners), origin, max_range, first, order, heading, slope, run, hit)
+    for b in range(total):
+        run[b] /= flat[b]
+
+
+@kernel
+def _cut_beams(solids, offset, origin, max_range, first, order, heading, slope, run, hit):  # type: ignore[no-untyped-def]
+    bins = len(first) - 1
+    per_bin = 2.0 * np.pi / bins
+    edges = np.empty((8, 3))
+    for k in _near_first(solids, origin, max_range):
+        below, above = _planes(solids, k, origin)
+        inside = _edges(solids, k, origin[0], origin[1], edges)
+        if inside and below <= 0.0 <= above:
+            continue
+        bearing, low, high = _span(solids, k, origin[0], origin[1], inside)
+        begin = int(np.floor((bearing + low) / per_bin))
+        width = min(int(np.floor((bearing + high) / per_bin)) - begin + 1, bins)
+        for q in range(begin, begin + width):
+            for o in range(first[q % bins], first[q % bins + 1]):
+                b = order[o]
+                if run[b] < 0.0:
+                    continue
+                enter, leave = _cut(edges, solids.corners[k], heading[b, 0], heading[b, 1])
+                enter = max(enter, 0.0)
+                rise = solids.tilt[k, 0] * heading[b, 0] + solids.tilt[k, 1] * heading[b, 1]
+                reached = _enter_slab(below, above, enter, leave, slope[b] - rise)
+                if reached < run[b]:
+                    run[b], hit[b] = reached, k + offset
+
+
+@kernel
+def _enter_slab(below, above, enter, leave, slope):  # type: ignore[no-untyped-def]
+    """Run at which a ray of `slope` is first inside a solid; infinite if never."""
+    if slope != 0.0:
+        a, b = below / slope, above / slope
+        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+    elif below > 0.0 or above < 0.0:
+        return np.inf
+    return enter if enter < leave else np.inf
