@@ -7,16 +7,23 @@ from numpy.typing import NDArray
 
 from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
+from lavsim.traffic.corridor import corridor_of
+from lavsim.traffic.drive import Scene, drive
 from lavsim.traffic.drivers import draw_driver
-from lavsim.traffic.obstacles import Boxes, fill_grid, make_grid
-from lavsim.traffic.vehicles import PATH_LANES, Fleet, drive, extend_path, lanes_of, make_approaches
-from lavsim.types import ActorIds, LaneType, Role
+from lavsim.traffic.fleet import clear_slot, extend_path, make_fleet
+from lavsim.traffic.guests import find_lost, make_guests
+from lavsim.traffic.near import make_near
+from lavsim.traffic.network import lanes_of
+from lavsim.traffic.obstacles import Boxes, cells_of, make_grid
+from lavsim.traffic.sorting import make_sorting
+from lavsim.types import ActorIds, LaneType, Role, VehicleLight
 from lavsim.world.blueprints import BLUEPRINTS, Blueprint
 from lavsim.world.world import World
 
 _SPACING = 12.0  # [m] between spawn points of a lane
 _CLEAR_OF_EGO = 15.0  # [m]
-_GRID_MARGIN = 1.7  # [m] half the widest driver and its side margin
+_MARGIN = 20.0  # [m] of the grid around the town
+_SEARCH_TICKS = 10  # between two looks at the whole map for guests that have no lane
 
 
 def spawn_points(town: TownMap) -> NDArray[np.float64]:
@@ -37,72 +44,83 @@ class Traffic:
         world: What they are spawned into; the ego must be there already.
         draws: Root of the drive's draws.
         count: Vehicles wanted; fewer where the town has no room.
+
+    Attributes:
+        lamps: `VehicleLight` bits that all have on, as the weather and the hour want it.
     """
 
     def __init__(self, town: TownMap, world: World, draws: Draws, count: int) -> None:
+        self._town = town
         self._world = world
         self._draws = draws.stream("traffic")
         self._lanes = lanes_of(town)
-        self._bounds = np.asarray(town.bounds) + np.array([-20.0, -20.0, 20.0, 20.0])
-        self._grid = make_grid(self._bounds, 256)
+        self._corridor = corridor_of(town)
+        self._bounds = np.asarray(town.bounds) + _MARGIN * np.array([-1.0, -1.0, 1.0, 1.0])
+        self._guests = make_guests()
+        self._half = np.zeros((0, 2))
+        self._known = 0
+        self._meet()
+        self._cells = np.zeros(len(self._lanes.points), np.int32)
+        cells_of(self._grid, self._lanes.points, self._cells)
+        self.lamps = VehicleLight.NONE
         points = spawn_points(town)
         order = self._draws.stream("places").permutation(0, len(points))
         points = points[order]
         places = town.centre(points[:, 0].astype(np.int64), points[:, 1])
         far = np.hypot(*(places[:, :2] - world.ego.xy).T) > _CLEAR_OF_EGO
         points, places = points[far][:count], places[far][:count]
-        self._fleet = self._spawn(points, places)
-        self._near = make_approaches(len(town.lanes.length), len(points))
+        self._fleet = make_fleet(len(points))
+        self._near = make_near(len(town.lanes), len(points))
+        for slot in range(len(points)):
+            self._spawn(slot, int(ActorIds.TRAFFIC) + slot, int(points[slot, 0]), float(points[slot, 1]), places[slot])
 
     def __len__(self) -> int:
-        return len(self._fleet.row)
+        return int(np.count_nonzero(self._fleet.row >= 0))
 
     @property
     def rows(self) -> NDArray[np.int64]:
         """Rows of the background vehicles in the world."""
-        return self._fleet.row
+        return self._fleet.row[self._fleet.row >= 0]
 
     def control(self, lights: NDArray[np.uint8]) -> None:
         """Lets every driver decide on this tick; writes the world's commands."""
         world, n = self._world, self._world.count
-        boxes = Boxes(world.present[:n], world.pose[:n], world.velocity[:n], self._half_sizes(), world.height[:n])
-        if len(self._grid.box) < 48 * n:
-            self._grid = make_grid(self._bounds, 2 * n)
-        fill_grid(self._grid, boxes, _GRID_MARGIN)
-        drive(
-            self._lanes, self._fleet, boxes, self._grid, self._near, lights, world.touched[:n], world.tick,
-            world.body[:n, 0], world.command[:n], world.lights[:n],
-        )  # fmt: skip
-
-    def _half_sizes(self) -> NDArray[np.float64]:
-        return self._world.table.sizes[:, :2].astype(np.float64) / 2.0
-
-    def _spawn(self, points: NDArray[np.float64], places: NDArray[np.float64]) -> Fleet:
-        count = len(points)
-        fleet = Fleet(
-            row=np.zeros(count, np.int64),
-            key=np.zeros(count, np.uint64),
-            lane=points[:, 0].astype(np.int32),
-            u=points[:, 1].copy(),
-            path=np.full((count, PATH_LANES), -1, np.int32),
-            hops=np.zeros(count, np.int64),
-            driver=np.zeros((count, 5)),
-            committed=np.full(count, -1, np.int32),
-            halted=np.full(count, -1, np.int32),
+        if n > self._known:
+            self._meet()
+        boxes = Boxes(
+            world.present[:n], world.pose[:n], world.velocity[:n], self._half[:n], world.height[:n], world.body[:n, 0]
         )
-        for i in range(count):
-            actor_id = int(ActorIds.TRAFFIC) + i
-            blueprint = self._blueprint(actor_id)
-            colour = blueprint.colour(self._draws, actor_id)
-            actor = self._world.spawn(actor_id, blueprint, places[i, :3], float(places[i, 3]), Role.TRAFFIC, colour)
-            driver = draw_driver(self._draws, actor_id)
-            fleet.row[i] = actor.row
-            fleet.key[i] = self._draws.stream("branch", actor_id).key
-            fleet.driver[i] = (
-                driver.speed_factor, driver.headway, driver.min_gap, driver.acceleration, driver.deceleration
-            )  # fmt: skip
-            extend_path(self._lanes, fleet, i)
-        return fleet
+        if world.tick % _SEARCH_TICKS == 0:
+            find_lost(self._town, self._guests, boxes)
+        scene = Scene(
+            self._lanes, self._corridor, self._cells, boxes, world.motion[:n], world.touched[:n], lights,
+            self._sorting, self._grid, self._guests, self._near,
+        )  # fmt: skip
+        drive(scene, self._fleet, world.tick, int(self.lamps), world.command[:n], world.lights[:n])
+
+    def _meet(self) -> None:
+        """Takes in the sizes of rows that are new in the world, making room where there is none."""
+        count = self._world.count
+        if count > len(self._half):
+            self._half = np.zeros((max(64, 2 * count), 2))
+            self._known = 0
+            self._sorting = make_sorting(len(self._half))
+            self._grid = make_grid(self._bounds, len(self._half))
+        new = slice(self._known, count)
+        self._half[new] = self._world.table.sizes[new, :2].astype(np.float64) / 2.0
+        self._known = count
+
+    def _spawn(self, slot: int, actor_id: int, lane: int, u: float, place: NDArray[np.float64]) -> None:
+        fleet = self._fleet
+        blueprint = self._blueprint(actor_id)
+        colour = blueprint.colour(self._draws, actor_id)
+        actor = self._world.spawn(actor_id, blueprint, place[:3], float(place[3]), Role.TRAFFIC, colour)
+        clear_slot(fleet, slot)
+        fleet.row[slot] = actor.row
+        fleet.key[slot] = self._draws.stream("branch", actor_id).key
+        fleet.lane[slot], fleet.u[slot] = lane, u
+        fleet.driver[slot] = draw_driver(self._draws, actor_id, blueprint.actor_class).traits
+        extend_path(self._lanes, fleet, slot)
 
     def _blueprint(self, actor_id: int) -> Blueprint:
         """A vehicle of background traffic, by weight."""

@@ -7,10 +7,10 @@ import pytest
 
 from lavsim.map.town_map import TownMap, load_town, town_names
 from lavsim.random import Draws
-from lavsim.traffic.drivers import draw_driver
-from lavsim.traffic.obstacles import Boxes, fill_grid, make_grid, obstacle_at
+from lavsim.traffic.drivers import Driver, draw_driver
+from lavsim.traffic.following import idm_acceleration
+from lavsim.traffic.obstacles import MOVING, Boxes, enter_moving, make_grid, obstacle_at
 from lavsim.traffic.population import Traffic
-from lavsim.traffic.vehicles import idm_acceleration
 from lavsim.types import DT, Control, LightState, Role
 from lavsim.world.blueprints import BLUEPRINTS
 from lavsim.world.lights import TrafficLights
@@ -18,7 +18,7 @@ from lavsim.world.snapshot import HAZARD_DTYPE, Snapshot
 from lavsim.world.weather import Weather
 from lavsim.world.world import World
 
-DRIVER = np.array([0.7, 1.4, 2.0, 1.8, 2.5])  # speed factor, headway, smallest gap, acceleration, deceleration
+DRIVER = np.array(Driver().traits)
 
 
 def boxes_at(*poses: tuple[float, float, float, float, float]) -> Boxes:
@@ -31,14 +31,16 @@ def boxes_at(*poses: tuple[float, float, float, float, float]) -> Boxes:
         velocity,
         np.tile([2.3, 0.95], (len(values), 1)),
         np.zeros(len(values)),
+        values[:, 3].copy(),
     )
 
 
 def gap_ahead(boxes: Boxes, x: float, time: float = 0.0) -> tuple[float, float]:
     """What blocks a path along +x at (x, 0), as row 0 sees it."""
     grid = make_grid(np.array([-100.0, -100.0, 100.0, 100.0]), len(boxes.present))
-    fill_grid(grid, boxes, 1.7)
-    return obstacle_at(grid, boxes, 0, (x, 0.0, 0.0), time, 1.3)
+    enter_moving(grid, boxes, np.full(len(boxes.present), MOVING, np.uint8), 1.7)
+    gap, speed, _row = obstacle_at(grid, boxes, 0, (x, 0.0, 0.0), time, 1.3)
+    return gap, speed
 
 
 OWN = (0.0, 0.0, 0.0, 8.0, 0.0)
@@ -87,7 +89,7 @@ def test_equilibrium_flow_is_that_of_theory() -> None:
     """At speed v an IDM column keeps (s0 + v T) / sqrt(1 - (v / v0)^4) of gap; 1,500 to 2,200 vehicles/h/lane."""
     flow = 0.0
     for speed in np.linspace(1.0, 13.0, 60):
-        gap = (DRIVER[2] + speed * DRIVER[1]) / math.sqrt(1.0 - (speed / 14.0) ** 4)
+        gap = (Driver().min_gap + speed * Driver().headway) / math.sqrt(1.0 - (speed / 14.0) ** 4)
         assert idm_acceleration(speed, 14.0, gap, 0.0, DRIVER) == pytest.approx(0.0, abs=1e-9)
         flow = max(flow, 3600.0 * speed / (gap + 4.5))
     assert 1500.0 < flow < 2200.0
