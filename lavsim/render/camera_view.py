@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
 from lavsim.random import Draws
+from lavsim.render.faces import DECK_FACE
 from lavsim.render.frame import Mount, Pose
 from lavsim.render.ground import TAG_OF_SURFACE, surface_at
 from lavsim.render.look import look_of
 from lavsim.render.scene import Scene
 from lavsim.render.shade import shade
-from lavsim.render.zbuffer import DECK_FACE, Pinhole, Visibility
+from lavsim.render.zbuffer import Pinhole, Visibility
 from lavsim.types import Tag, VehicleLight
 from lavsim.world.snapshot import Snapshot
 

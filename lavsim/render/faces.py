@@ -16,7 +16,7 @@ SMALLEST = 0.4  # [px] solids whose ball is smaller than this are left out
 TOP, UNDERSIDE = 8, 9  # side numbers of the caps; 0 to 7 are the edges of the footprint
 DECK_FACE = -2  # the top of a bridge's deck
 
-TILE = 8  # [px]
+TILE = 4  # [px]
 
 _DECK = int(Material.DECK)
 _CORNERS = 8

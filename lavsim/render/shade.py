@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
+from lavsim.render.faces import DECK_FACE, TOP, UNDERSIDE
 from lavsim.render.frame import Pose
 from lavsim.render.ground import surface_at
 from lavsim.render.look import FOG_STEPS, SKY_STEPS, Look, Swatch
 from lavsim.render.solids import Material, Solids
 from lavsim.render.terrain import Terrain
-from lavsim.render.zbuffer import DECK_FACE, TOP, UNDERSIDE, Pinhole, Visibility
+from lavsim.render.zbuffer import Pinhole, Visibility
 from lavsim.types import VehicleLight
 
 _WALL, _FOLIAGE, _LAMP, _BODY = int(Material.WALL), int(Material.FOLIAGE), int(Material.LAMP), int(Material.BODY)

@@ -13,6 +13,7 @@ from lavsim.map.prisms import Prisms
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.random import Draws
 from lavsim.render.beams import GROUND_HIT
+from lavsim.render.faces import DECK_FACE, UNDERSIDE
 from lavsim.render.frame import Pose, rotation
 from lavsim.render.ground import GroundRaster, Surface
 from lavsim.render.heights import Heights, height_at, heights_at, heights_of, level_within, meet_ground
@@ -20,7 +21,7 @@ from lavsim.render.scene import Scene
 from lavsim.render.solids import Material, plane_solid, solids_of
 from lavsim.render.sweep import LidarModel, cast_sweep
 from lavsim.render.terrain import terrain_of
-from lavsim.render.zbuffer import DECK_FACE, NO_FACE, UNDERSIDE, Pinhole, draw_visibility
+from lavsim.render.zbuffer import NO_FACE, Pinhole, draw_visibility
 from lavsim.types import LaneType, Tag
 from tests.map.shared import MAPS, needs_maps
 from tests.prisms import box

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from lavsim.map.prisms import Prisms
+from lavsim.render.faces import TOP
 from lavsim.render.frame import Pose, rotation
 from lavsim.render.solids import solids_of
-from lavsim.render.zbuffer import NO_FACE, TOP, Pinhole, draw_visibility
+from lavsim.render.zbuffer import NO_FACE, Pinhole, draw_visibility
 from tests.prisms import box, cast_ray, random_prisms
 
 NOTHING = solids_of(Prisms.empty())
@@ -82,3 +83,21 @@ def test_solid_across_the_image_plane_is_cut_not_lost() -> None:
     view = draw_visibility(Pinhole(64, 48, 32.0), Pose(np.array([0.0, 0.0, 1.5]), np.eye(3)), road_wall, NOTHING)
     assert view.face[24, 63] != NO_FACE
     assert 1.0 / view.inverse_depth[24, 63] == pytest.approx(2.5 * 32.0 / 31.5, rel=1e-5)
+
+
+def test_solids_behind_a_wall_change_nothing_and_those_before_it_show() -> None:
+    """Hidden solids are passed over whole; the same picture comes out when each is looked at by itself."""
+    lens, pose = Pinhole(160, 120, 90.0), Pose(np.array([0.0, 0.0, 1.7]), rotation(0.05, -0.04, 0.1))
+    wall = box(20.0, 0.0, 1.0, 60.0, 0.0, 12.0)
+    behind = [box(24.0 + 3.0 * k, 2.0 * (k % 7) - 6.0, 2.0, 2.0, 0.0, 4.0 + k % 5) for k in range(40)]
+    before = [box(10.0, 4.0, 1.0, 1.0, 0.0, 2.0), box(19.45, -3.0, 0.1, 1.0, 1.0, 2.0)]
+    alone = draw_visibility(lens, pose, solids_of(Prisms.concatenate([wall, *before])), NOTHING)
+    crowd = draw_visibility(lens, pose, solids_of(Prisms.concatenate([wall, *before, *behind])), NOTHING)
+    assert set(crowd.faces.solid.tolist()) & {1, 2} == {1, 2}
+    same = alone.inverse_depth > 0.04  # nearer than 25 m
+    np.testing.assert_array_equal(crowd.inverse_depth[same], alone.inverse_depth[same])
+    assert (crowd.inverse_depth[~same] <= 0.05).all()
+    over = draw_visibility(
+        lens, pose, solids_of(Prisms.concatenate([wall, box(60.0, 0.0, 4.0, 4.0, 0.0, 40.0)])), NOTHING
+    )
+    assert 1 in over.faces.solid  # what stands higher than the wall shows over it
