@@ -32,7 +32,7 @@ _CONTACT_FIELDS = (
     | pymunk.batch.ArbiterFields.POINT_A_1
 )
 _FRICTION = 0.4  # metal on metal
-_RESTITUTION = 0.1  # cars crumple
+_ELASTICITY = 0.1  # of each body; the product of two, 0.01, is what bounces back: cars crumple
 _SLOP = 0.01  # [m] overlap that is left alone
 _SUBSTEPS = 8  # at 30 m/s 0.19 m each: nothing passes through anything. Always as many: the engine starts from the
 # impulses of the step before, and a step of another length would scale them
@@ -193,7 +193,7 @@ class Physics:
                 self._enter(pymunk.Poly(self._space.static_body, corners.tolist()), _WALL)
 
     def _enter(self, shape: pymunk.Poly, category: int) -> None:
-        shape.friction, shape.elasticity, shape.filter = _FRICTION, _RESTITUTION, _FILTERS[category]
+        shape.friction, shape.elasticity, shape.filter = _FRICTION, _ELASTICITY, _FILTERS[category]
         if shape.body is self._space.static_body:
             self._space.add(shape)
         else:

@@ -318,6 +318,6 @@ class World:
 def _motion_of(actor_class: ActorClass, role: Role) -> int:
     if actor_class == ActorClass.WALKER:
         return WALKING
-    if role in (Role.EGO, Role.TRAFFIC) or (role == Role.SCENARIO and actor_class.is_vehicle):
+    if role in (Role.EGO, Role.TRAFFIC, Role.SCENARIO) and actor_class.is_vehicle:
         return DRIVEN
     return RESTING
