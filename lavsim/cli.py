@@ -121,6 +121,23 @@ def score(
 
 
 @app.command()
+def rescore(
+    run: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1 or bench2drive.")],
+    out: Annotated[Path | None, typer.Option(help="Folder of the new run; below the old one by default.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
+    town_path: TownPath = None,
+) -> None:
+    """Judge recorded drives again by other rules, without driving."""
+    from leaderboard.rescore import rescore as judge_again
+    from leaderboard.table import run_table
+
+    made = judge_again(run, rules, out, overwrite, _towns_at(town_path))
+    _print(run_table(made))
+    typer.echo(f"{made.folder / 'results.json'}  {made.folder / 'report.html'}")
+
+
+@app.command()
 def report(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]) -> None:
     """Print the tables of runs and write their report.html again."""
     from leaderboard.report.page import write_report

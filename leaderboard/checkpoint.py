@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from lavsim.errors import OutputError
-from leaderboard.drive import DriveOutcome
+from leaderboard.outcomes import DriveOutcome
 from leaderboard.record import write_text
 from leaderboard.run import DRIVES
 from leaderboard.score import RouteRecord, Scores

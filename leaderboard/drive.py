@@ -22,12 +22,13 @@ from lavsim.sensors.suites import find_suite
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control
 from lavsim.world.snapshot import Snapshot
-from leaderboard.observer import CriteriaObserver, Verdict
+from leaderboard.observer import CriteriaObserver, Verdict, judge
+from leaderboard.outcomes import DriveOutcome
 from leaderboard.picture import draw_drive
 from leaderboard.routes import RouteEntry
 from leaderboard.rules import Rules
 from leaderboard.run import LOGS, PICTURES
-from leaderboard.score import SIMULATION_CRASHED, RouteRecord, record_of
+from leaderboard.score import SIMULATION_CRASHED
 from leaderboard.sensor_check import check_sensors
 
 log = logging.getLogger(__name__)
@@ -102,23 +103,6 @@ class DriveTask:
         )
 
 
-@dataclass(frozen=True)
-class DriveOutcome:
-    """What came of a drive.
-
-    Attributes:
-        record: For the results file.
-        sensors: Types of the agent's sensors, in order; empty when it never said.
-        track: The agent's track; None when it never said.
-        details: For the run file, in JSON types.
-    """
-
-    record: RouteRecord
-    sensors: tuple[str, ...]
-    track: str | None
-    details: dict[str, Any]
-
-
 OnTick = Callable[[Verdict], None]
 
 
@@ -149,25 +133,14 @@ def drive_task(task: DriveTask, report: Callable[[Tick], None]) -> DriveOutcome:
 
 def lost_drive(task: DriveTask, reason: str) -> DriveOutcome:
     """The outcome of a drive whose own process was lost."""
-    record = record_of(
-        index=task.index,
-        route_id=task.route_id,
-        completion=0.0,
-        reached=False,
-        infractions=(),
-        failure=SIMULATION_CRASHED,
-        route_length=0.0,
-        duration_game=0.0,
-        duration_system=0.0,
-        rules=task.rules,
-    )
+    record = judge(Verdict(failure=SIMULATION_CRASHED), task.rules, task.index, task.route_id, 0.0)
     return DriveOutcome(record, (), None, {**_identity(task), **_NOTHING, "ending": reason})
 
 
 _NOTHING: Mapping[str, Any] = {
-    "town_digest": None, "agent_status": 0, "agent_message": None, "ticks": 0, "dense_length": 0.0, "completion": 0.0,
-    "infractions": [], "setup_seconds": 0.0, "drive_seconds": 0.0, "real_time_factor": 0.0, "log": None,
-    "picture": None,
+    "town_digest": None, "agent_status": 0, "agent_message": None, "ticks": 0, "dense_length": 0.0,
+    "keypoint_length": 0.0, "completion": 0.0, "infractions": [], "setup_seconds": 0.0, "drive_seconds": 0.0,
+    "real_time_factor": 0.0, "log": None, "picture": None,
 }  # fmt: skip
 
 
@@ -217,20 +190,9 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         ended = time.perf_counter()
         agent.close()
     verdict = criteria.verdict()
-    reason = SIMULATION_CRASHED if crash is not None else verdict.failure
-    length = verdict.keypoint_length if task.rules.route_length == "waypoints" else verdict.route_length
-    record = record_of(
-        index=task.index,
-        route_id=task.route_id,
-        completion=verdict.completion,
-        reached=verdict.reached,
-        infractions=verdict.infractions,
-        failure=reason,
-        route_length=length,
-        duration_game=verdict.duration,
-        duration_system=ended - started,
-        rules=task.rules,
-    )
+    if crash is not None:
+        verdict = replace(verdict, failure=SIMULATION_CRASHED)
+    record = judge(verdict, task.rules, task.index, task.route_id, ended - started)
     details = {
         **_identity(task),
         "town_digest": simulation.town.digest,
@@ -239,6 +201,7 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         "agent_message": failure.message if failure else None,
         "ticks": verdict.ticks,
         "dense_length": verdict.route_length,
+        "keypoint_length": verdict.keypoint_length,
         "completion": verdict.completion,
         "infractions": [i.to_json() for i in sorted(verdict.infractions, key=lambda i: i.tick)],
         "setup_seconds": started - begun,

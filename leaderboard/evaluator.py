@@ -19,14 +19,12 @@ from lavsim.simulation import Simulation
 from leaderboard.benchmark import LOOK, benchmark_id, versions
 from leaderboard.checkpoint import load_outcome, save_outcome
 from leaderboard.config import EvaluationConfig, traffic_of
-from leaderboard.drive import DriveOutcome, DriveTask, Tick, drive_task, lost_drive
-from leaderboard.record import RUN, Results, sensor_icons, write_run
+from leaderboard.drive import DriveTask, Tick, drive_task, lost_drive
+from leaderboard.outcomes import RUN_SCHEMA, DriveOutcome, write_outcomes
+from leaderboard.record import RUN, Results
 from leaderboard.report.page import write_report
 from leaderboard.routes import RouteEntry, read_routes, select_routes
 from leaderboard.run import Run, claim_folder
-from leaderboard.score import SHORTEST, plain_rates
-
-RUN_SCHEMA = 2
 
 __all__ = ["EvaluationConfig", "OnProgress", "Progress", "evaluate"]
 
@@ -95,12 +93,12 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
         "look": LOOK,
         "seed": config.seed,
         "seeds": [config.seed_of(k) for k in range(config.repetitions)],
+        "track": config.track,
     }
     if config.resume:
         _check_same(config, header)
     claim_folder(config.out, config.overwrite, config.resume)
     book = _Book(config, header, tasks, on_progress)
-    book.write()
     for done in executor.run(drive_task, book.waiting, book.report):
         book.enter(done.task, done.result or lost_drive(done.task, done.lost or ""), keep=done.lost is None)
     book.write(finished=True)
@@ -131,7 +129,7 @@ class _Book:
         self._under_way: dict[int, float] = {}  # percent by drive
         found = [(task.index, load_outcome(config.out, task.name)) for task in tasks]
         self._outcomes = {index: outcome for index, outcome in found if outcome is not None}
-        self._results = self._make_results(finished=False)
+        self.write()
 
     @property
     def waiting(self) -> list[DriveTask]:
@@ -156,28 +154,9 @@ class _Book:
 
     def write(self, finished: bool = False) -> None:
         """Replaces results file and run file by what is known now."""
-        self._results = self._make_results(finished)
-        outcomes = self._ordered()
-        drives = [outcome.details for outcome in outcomes]
-        kilometres = sum(d["dense_length"] * d["completion"] / 1e5 for d in drives)
-        rates = plain_rates(self._results.records, max(kilometres, SHORTEST), self._config.rule_set)
-        track = self._config.track or next((o.track for o in outcomes if o.track), None)
-        self._results.write(self._config.out)
-        run = {**self._header, "track": track, "drives": drives, "kilometres": kilometres, "infractions_per_km": rates}
-        write_run(self._config.out, run)
-
-    def _ordered(self) -> list[DriveOutcome]:
-        return [self._outcomes[index] for index in sorted(self._outcomes)]
-
-    def _make_results(self, finished: bool) -> Results:
-        outcomes = self._ordered()
-        sensors = next((o.sensors for o in outcomes if o.sensors), ())
-        return Results(
-            self._config.rule_set,
-            len(self._tasks),
-            tuple(outcome.record for outcome in outcomes),
-            tuple(sensor_icons(sensors)),
-            finished,
+        outcomes = [self._outcomes[index] for index in sorted(self._outcomes)]
+        self._results = write_outcomes(
+            self._config.out, outcomes, len(self._tasks), self._config.rule_set, self._header, finished
         )
 
     def _tell(self, name: str, town: str, tick: Tick, failure: str | None = None) -> None:

@@ -11,7 +11,7 @@ from lavsim.world.snapshot import Snapshot
 from leaderboard.criteria.base import Criterion, Infraction, criteria_of
 from leaderboard.criteria.completion import Completion
 from leaderboard.rules import Rules
-from leaderboard.score import SENSORS_INVALID
+from leaderboard.score import SENSORS_INVALID, RouteRecord, record_of
 
 if TYPE_CHECKING:
     from lavsim.episode import EpisodeResult
@@ -109,3 +109,27 @@ class CriteriaObserver:
             route_length=self._lengths[0],
             keypoint_length=self._lengths[1],
         )
+
+
+def judge(verdict: Verdict, rules: Rules, index: int, route_id: str, duration_system: float) -> RouteRecord:
+    """The record of a drive that `verdict` tells of.
+
+    Args:
+        verdict: What the criteria saw.
+        rules: What it is judged by; decide how long a route is called.
+        index: Place of the drive in the run.
+        route_id: As the results file has it.
+        duration_system: Wall-clock time of the drive [s].
+    """
+    return record_of(
+        index=index,
+        route_id=route_id,
+        completion=verdict.completion,
+        reached=verdict.reached,
+        infractions=verdict.infractions,
+        failure=verdict.failure,
+        route_length=verdict.keypoint_length if rules.route_length == "waypoints" else verdict.route_length,
+        duration_game=verdict.duration,
+        duration_system=duration_system,
+        rules=rules,
+    )
