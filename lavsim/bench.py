@@ -1,7 +1,7 @@
 """The figures of the performance budget on this machine (`lavsim bench`).
 
-The scene is `us_large_a` with 100 vehicles (walkers join it once towns have them). Everything runs on one core, and
-each figure is the median of several rounds, because machines are noisy.
+The scene is `us_large_a` with 100 vehicles and 50 walkers. Everything runs on one core, and each figure is the median
+of several rounds, because machines are noisy.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control
 
 TOWN = "us_large_a"
-VEHICLES = 100
+VEHICLES, WALKERS = 100, 50
 _ROUNDS = 5
 _WARM_UP = 100  # ticks, until traffic moves
 
@@ -62,7 +62,9 @@ def bench_drive(town: TownMap) -> DriveSpec:
     lane = int(np.flatnonzero((lanes.junction < 0) & (lanes.type == 2) & (lanes.length > 60.0))[0])
     ends = town.centre(np.array([lane, lane]), np.array([10.0, 50.0]))[:, :3]
     get_planner(town)
-    return DriveSpec(town=town.name, route_id="bench", keypoints=ends, traffic="lav", vehicles=VEHICLES)
+    return DriveSpec(
+        town=town.name, route_id="bench", keypoints=ends, traffic="lav", vehicles=VEHICLES, walkers=WALKERS
+    )
 
 
 def _sensor_seconds(simulation: Simulation, sensor: dict[str, object]) -> float:

@@ -21,7 +21,8 @@ from lavsim.scenarios.base import ScenarioSpec
 from lavsim.scenarios.director import Director
 from lavsim.traffic.population import Traffic
 from lavsim.traffic.profiles import TRAFFIC_PROFILES, Population, population_of
-from lavsim.types import ActorIds, Control, Role
+from lavsim.traffic.walkers import Walkers
+from lavsim.types import DT, ActorIds, Control, Role
 from lavsim.world.blueprints import find_blueprint
 from lavsim.world.lights import LightCycle, TrafficLights
 from lavsim.world.snapshot import Snapshot
@@ -146,6 +147,7 @@ class Simulation:
         self._spawn_ego()
         self._population = spec.population(self.town)
         self._traffic = Traffic(self.town, self._world, self.draws, self._population.vehicles)
+        self._walkers = Walkers(self.town, self._world, self.draws, self._population.walkers, spec.jaywalking)
         self._index = 0  # nearest route point, see `_track_route`
         self._director = Director(
             self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._progress
@@ -166,7 +168,9 @@ class Simulation:
     def tick(self, control: Control) -> Snapshot:
         """Applies `control` for one tick and returns what came of it."""
         self._director.tick(self.route.points[self._index, :2])
-        self._traffic.control(self._lights.states(self._world.tick * 0.05))
+        lights = self._lights.states(self._world.tick * DT)
+        self._traffic.control(lights)
+        self._walkers.control(lights)
         self._world.drive_ego(_as_logged(control))
         self._world.step()
         self._follow_ground()
@@ -213,13 +217,13 @@ class Simulation:
         )
 
     def _follow_ground(self) -> None:
-        """Sets actors of the ego and of hazards on the lane below them; traffic knows its own."""
+        """Sets the ego and the actors of hazards on the lane below them; background actors know their own."""
         if not self._has_slopes:
             return
-        world = self._world
-        here = world.present[: world.count].copy()
-        here[self._traffic.rows] = False
-        rows = np.flatnonzero(here)
+        world, n = self._world, self._world.count
+        roles = world.table.roles[:n]
+        own = (roles == Role.EGO) | (roles == Role.SCENARIO) | (roles == Role.PROP)
+        rows = np.flatnonzero(world.present[:n] & own)
         points = np.column_stack([world.pose[rows, :2], world.height[rows]])
         world.height[rows] = self.town.nearest(points).points[:, 2]
 
@@ -239,7 +243,7 @@ class Simulation:
         return weather_at(self.spec.weather, 100.0 * self.route.distance[self._index] / self.route.length)
 
     def _publish(self) -> Snapshot:
-        states = self._lights.states(self._world.tick * 0.05)
+        states = self._lights.states(self._world.tick * DT)
         self._recent.append(self._world.publish(states, self._weather(), self._director.active))
         return self._recent[-1]
 
