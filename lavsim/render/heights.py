@@ -94,6 +94,19 @@ def height_at(heights, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def rise_at(heights, x, y):  # type: ignore[no-untyped-def]
+    """Rise of the ground along x and y at a world place."""
+    if heights.is_level:
+        return 0.0, 0.0
+    x, y = (x - heights.x0) / CELL, (y - heights.y0) / CELL
+    i, j = int(np.floor(x)), int(np.floor(y))
+    first, along_x, along_y, last = _corners(heights.nodes, i, j)
+    if x - i >= y - j:
+        return (along_x - first) / CELL, (last - along_x) / CELL
+    return (last - along_y) / CELL, (along_y - first) / CELL
+
+
+@kernel
 def heights_at(heights, places):  # type: ignore[no-untyped-def]
     """(N,) heights of the ground at world `places` (N, 2) [m]."""
     found = np.empty(len(places))

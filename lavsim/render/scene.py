@@ -99,13 +99,15 @@ class Scene:
         """The solids of all actors present."""
         self._turn_to(snapshot)
         if self._actors is None:
-            templates = self._templates_of(snapshot.table)
-            self._actors = Solids(
-                *_place(
-                    templates, snapshot.rows, snapshot.ids, snapshot.xyz, snapshot.yaw, snapshot.pitch, snapshot.state
-                )
-            )
+            self._actors = self.place(snapshot)
         return self._actors
+
+    def place(self, snapshot: Snapshot) -> Solids:
+        """What `actors` gives, without keeping it; for moments between ticks."""
+        templates = self._templates_of(snapshot.table)
+        return Solids(
+            *_place(templates, snapshot.rows, snapshot.ids, snapshot.xyz, snapshot.yaw, snapshot.pitch, snapshot.state)
+        )
 
     def view(self, snapshot: Snapshot, lens: Pinhole, mount: Mount) -> Visibility:
         """What a camera on the ego sees; its arrays are drawn over once another snapshot is looked at."""

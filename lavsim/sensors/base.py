@@ -23,6 +23,7 @@ from lavsim.render.scene import Scene
 from lavsim.world.snapshot import Snapshot
 
 DEGREES = "degrees"  # metadata of config fields that are degrees in the dict and radians here
+ATTRIBUTE = "attribute"  # metadata of config fields that stand in the dict's "attributes", and by which name
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,11 @@ Spec = ArraySpec | Mapping[str, ArraySpec]  # a dict of arrays has a dict of spe
 class SensorConfig:
     """What every sensor's dict has; keys that no field is named after are ignored, as the leaderboard does.
 
+    What the leaderboard's wrapper fixes (a LiDAR's channels, the range of a radar …) is no key of the dict either: such
+    keys are ignored. To choose it all the same, give CARLA's names in a dict of their own:
+    `{"type": "sensor.lidar.ray_cast", "id": "top", "attributes": {"channels": 32, "range": 50}}`; there an unknown name
+    is an error.
+
     Attributes:
         type: CARLA's type string.
         id: Name of the reading in the agent's input.
@@ -85,13 +91,15 @@ class SensorConfig:
             SensorError: a key is missing or its value is out of range.
         """
         name = f"sensor {values.get('id')!r}" if "id" in values else "a sensor"
+        extra = _attributes(name, cls, values.get("attributes", {}))
         found: dict[str, Any] = {}
         for item in fields(cls):
-            if item.name not in values:
+            source, key = (extra, item.metadata[ATTRIBUTE]) if ATTRIBUTE in item.metadata else (values, item.name)
+            if key not in source:
                 if item.default is MISSING:
                     raise SensorError(f"{name} of type {values.get('type')!r} has no {item.name!r}.")
                 continue
-            found[item.name] = _value(name, item.name, item.type, values[item.name])
+            found[item.name] = _value(name, key, item.type, source[key])
             if item.metadata.get(DEGREES):
                 found[item.name] = math.radians(found[item.name])
         config = cls(**found)
@@ -109,8 +117,38 @@ class SensorConfig:
         return Mount(self.x, self.y, self.z, self.roll, self.pitch, self.yaw)
 
 
+def attribute(name: str, default: Any) -> Any:
+    """A config field that is given as `name` in a dict's "attributes"."""
+    return field(default=default, kw_only=True, metadata={ATTRIBUTE: name})
+
+
+def _attributes(sensor: str, config: type[SensorConfig], given: Any) -> dict[str, Any]:
+    """The dict's "attributes"; numbers may be texts, as CARLA's `set_attribute` takes them."""
+    if not isinstance(given, Mapping):
+        raise SensorError(f"{sensor}: 'attributes' must be a dict, got {given!r}.")
+    known = [item.metadata[ATTRIBUTE] for item in fields(config) if ATTRIBUTE in item.metadata]
+    found: dict[str, Any] = {}
+    for key, value in given.items():
+        if key not in known:
+            raise SensorError(str(UnknownName(f"attribute of {sensor}", str(key), known)))
+        found[key] = _number(value) if isinstance(value, str) else value
+    return found
+
+
+def _number(text: str) -> Any:
+    words = {"true": True, "false": False}
+    try:
+        return words[text.lower()] if text.lower() in words else float(text)
+    except ValueError:
+        return text
+
+
 def _value(sensor: str, key: str, kind: Any, value: Any) -> Any:
     """`value` as the type a config field is annotated with."""
+    if kind == "bool":
+        if not isinstance(value, bool):
+            raise SensorError(f"{sensor}: {key!r} must be true or false, got {value!r}.")
+        return value
     if kind == "str":
         if not isinstance(value, str) or not value:
             raise SensorError(f"{sensor}: {key!r} must be a text, got {value!r}.")
@@ -138,7 +176,7 @@ class Sensor:
     """
 
     config_type: ClassVar[type[SensorConfig]] = SensorConfig
-    history: ClassVar[int] = 0
+    history: int = 0
     privileged: ClassVar[bool] = False
 
     def __init__(self, config: SensorConfig) -> None:
