@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class Weather:
 
     def to_array(self) -> NDArray[np.float32]:
         """The fields in order, `(10,)` float32: how a Snapshot and a log hold them."""
-        return np.array([getattr(self, f.name) for f in fields(self)], dtype=np.float32)
+        return np.array(_values(self), dtype=np.float32)
 
     @staticmethod
     def from_array(values: NDArray[np.float32]) -> Weather:
@@ -61,6 +62,7 @@ class Weather:
 
 
 CLEAR = Weather()
+_values = attrgetter(*(f.name for f in fields(Weather)))  # (10,) in order
 
 
 @dataclass(frozen=True)
@@ -87,4 +89,4 @@ def weather_at(keyframes: Sequence[WeatherKeyframe], percentage: float) -> Weath
     if first.weather == second.weather:
         return first.weather
     share = (percentage - first.percentage) / (second.percentage - first.percentage)
-    return Weather(*(a + share * (b - a) for a, b in zip(astuple(first.weather), astuple(second.weather), strict=True)))
+    return Weather(*(a + share * (b - a) for a, b in zip(_values(first.weather), _values(second.weather), strict=True)))
