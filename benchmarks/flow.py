@@ -33,6 +33,7 @@ from lavsim.towns.facts import bundled_facts
 from lavsim.traffic.audit import Incident, TrafficAudit
 from lavsim.traffic.population import Traffic
 from lavsim.traffic.profiles import LEADERBOARD_VEHICLES, Population, population_of
+from lavsim.traffic.walkers import Walkers
 from lavsim.types import DT, Control, Role
 from lavsim.world.blueprints import find_blueprint
 from lavsim.world.lights import TrafficLights
@@ -80,29 +81,17 @@ class Drive:
         self.world.spawn(1, ego, np.array([x, y, 0.0]), 0.0, Role.EGO)
         draws = Draws.of_seed(seed)
         self.traffic = Traffic(town, self.world, draws, who.vehicles)
-        self.walkers = _walkers(town, self.world, draws, who)
+        self.walkers = Walkers(town, self.world, draws, who.walkers)
         self.lights = TrafficLights(len(town.lights), town.light_groups)
 
     def tick(self) -> Snapshot:
         """The next tick."""
         states = self.lights.states(self.world.tick * DT)
         self.traffic.control(states)
-        if self.walkers is not None:
-            self.walkers.control(states)
+        self.walkers.control(states)
         self.world.drive_ego(Control(brake=1.0))
         self.world.step()
         return self.world.publish(states, Weather(), np.zeros(0, HAZARD_DTYPE))
-
-
-def _walkers(town: TownMap, world: World, draws: Draws, who: Population) -> Any:
-    try:
-        from lavsim.traffic.parked import park_cars
-        from lavsim.traffic.walkers import Walkers
-    except ImportError:
-        return None
-    walkers = Walkers(town, world, draws, who.walkers)
-    park_cars(town, world, draws, who.parked)
-    return walkers
 
 
 def picture(town: TownMap, frames: list[Snapshot], incident: Incident, path: Path, metres: float = 60.0) -> None:
@@ -191,7 +180,7 @@ def run(name: str, seed: int, arguments: argparse.Namespace, advance: Callable[[
     audit = watch(drive, ticks, folder if arguments.pictures else None, advance)
     result = {
         "town": name, "seed": seed, "minutes": arguments.minutes, "vehicles": len(drive.traffic),
-        "walkers": who.walkers if drive.walkers is not None else 0,
+        "walkers": len(drive.walkers),
         "dissolved": int(getattr(drive.traffic, "dissolved", 0)),
         "ticks_per_s": ticks / (time.perf_counter() - begun), "report": audit.report().as_dict(),
         "incidents": [vars(incident) for incident in audit.incidents],
