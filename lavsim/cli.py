@@ -138,6 +138,23 @@ def rescore(
 
 
 @app.command()
+def merge(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or results files of the leaderboard.")],
+    out: Annotated[Path, typer.Option(help="Folder of the joined run.")],
+    rules: Annotated[str | None, typer.Option(help="What results files were written under.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
+) -> None:
+    """Join runs that shared out the routes of one benchmark."""
+    from leaderboard.merge import merge as join
+    from leaderboard.run import Run
+    from leaderboard.table import run_table
+
+    join(runs, out, rules, overwrite)
+    _print(run_table(Run.load(out)))
+    typer.echo(str(out / "results.json"))
+
+
+@app.command()
 def report(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]) -> None:
     """Print the tables of runs and write their report.html again."""
     from leaderboard.report.page import write_report
