@@ -237,34 +237,53 @@ def _fill_column(  # type: ignore[no-untyped-def]
 
 @kernel
 def cast_tilted(  # type: ignore[no-untyped-def]
-    origin, axes, cosine, sine, beams, sent, run_of, hit_of, statics, actors, heights, max_range
+    origin, axes, cosine, sine, beams, sent, run, hit, statics, actors, heights, max_range
 ):
-    """As `cast_level` for any attitude and any azimuths: beams are binned by world bearing, each is cut on its own."""
+    """As `cast_level` for any attitude and any azimuths, given by `cosine` and `sine`: each beam is a ray."""
     columns, channels = sent.shape
-    bins = 1024
+    directions, reach = np.empty((columns * channels, 3)), np.empty(columns * channels)
+    for b in range(len(directions)):
+        j, i = b // channels, b % channels
+        flat = 1.0 / beams.secant[i]
+        f, r, u = flat * cosine[j], flat * sine[j], flat * beams.slope[i]
+        for axis in range(3):
+            directions[b, axis] = axes[axis, 0] * f + axes[axis, 1] * r + axes[axis, 2] * u
+        reach[b] = max_range if sent[j, i] else -1.0
     total = columns * channels
-    heading, slope, flat, reach = np.empty((total, 2)), np.empty(total), np.empty(total), np.empty(total)
+    cast_rays(origin, directions, reach, run.reshape(total), hit.reshape(total), statics, actors, heights, max_range)
+
+
+@kernel
+def cast_rays(  # type: ignore[no-untyped-def]
+    origin, directions, reach, run, hit, statics, actors, heights, max_range
+):
+    """Fills `run` with distances [m] and `hit` with what was met, for rays binned by their bearing.
+
+    Args:
+        origin: (3,) where all rays start.
+        directions: (N, 3) of length 1.
+        reach: (N,) how far each looks [m], at most `max_range`; negative for those not sent.
+        run, hit: (N,) to fill.
+        statics, actors, heights: What there is to meet.
+        max_range: [m]
+    """
+    bins, total = 1024, len(directions)
+    heading, slope, flat, limit = np.empty((total, 2)), np.empty(total), np.empty(total), np.empty(total)
     bucket, first = np.empty(total, np.int32), np.zeros(bins + 1, np.int32)
-    run, hit = run_of.reshape(total), hit_of.reshape(total)
     level = level_within(heights, origin[0], origin[1], max_range)
     for b in range(total):
-        j, i = b // channels, b % channels
-        cos_e = 1.0 / beams.secant[i]
-        f, r, u = cos_e * cosine[j], cos_e * sine[j], cos_e * beams.slope[i]
-        x = axes[0, 0] * f + axes[0, 1] * r + axes[0, 2] * u
-        y = axes[1, 0] * f + axes[1, 1] * r + axes[1, 2] * u
-        z = axes[2, 0] * f + axes[2, 1] * r + axes[2, 2] * u
+        x, y, z = directions[b, 0], directions[b, 1], directions[b, 2]
         flat[b] = max(np.sqrt(x * x + y * y), 1e-9)
         heading[b, 0], heading[b, 1], slope[b] = x / flat[b], y / flat[b], z / flat[b]
         bucket[b] = int(np.floor((np.arctan2(y, x) / (2.0 * np.pi)) * bins)) % bins
         first[bucket[b] + 1] += 1
-        reach[b] = max_range * flat[b] if sent[j, i] else -1.0
+        limit[b] = reach[b] * flat[b] if reach[b] >= 0.0 else -1.0
         run[b] = _plane_run(origin[2] - level, 1.0 / slope[b])
     if np.isnan(level):
-        meet_ground(heights, origin, heading, slope, reach, 0.0, run)
+        meet_ground(heights, origin, heading, slope, limit, 0.0, run)
     for b in range(total):
-        hit[b] = GROUND_HIT if run[b] <= reach[b] else NO_HIT
-        run[b] = min(run[b], reach[b])
+        hit[b] = GROUND_HIT if run[b] <= limit[b] else NO_HIT
+        run[b] = min(run[b], limit[b])
     for q in range(bins):
         first[q + 1] += first[q]
     order, filled = np.empty(total, np.int32), first.copy()

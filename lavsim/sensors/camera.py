@@ -77,7 +77,7 @@ class ColourCamera(_Camera):
     _codec = "jpeg"
 
     def read(self, history: Sequence[Snapshot], scene: Scene, draws: Draws) -> NDArray[np.uint8]:
-        return self.view.colour(history[-1], scene)
+        return self.view.colour(history[-1], scene, self.draws(draws))
 
 
 @SENSORS.register("sensor.camera.semantic_segmentation")

@@ -23,7 +23,7 @@ CAMERA = {"width": 48, "height": 40, "fov": 70.0}
 
 
 class _Town:
-    name, digest, xodr, geo_reference, lights = "Street", "0", "<OpenDRIVE/>", (0.0, 0.0), ()
+    name, digest, xodr, geo_reference, lights, marks = "Street", "0", "<OpenDRIVE/>", (0.0, 0.0), (), ()
 
 
 def scene() -> Scene:

@@ -72,6 +72,22 @@ def test_truth_holds_who_is_near_with_the_ego_first() -> None:
     assert list(sensor("sensor.lavsim.truth", radius=40).read([snapshot_of(bodies)], BARE, DRAWS)["ids"]) == [1, 1000]
 
 
+def test_truth_counts_what_is_seen_only_when_asked() -> None:
+    wall = plain(box(8.0, -6.0, 1.0, 8.0, 0.0, 6.0))
+    bodies = [EGO, Body(1000, 15.0, 1.0), Body(1001, 15.0, -6.0), Body(1002, -15.0, 0.0), Body(1003, 45.0, 4.0)]
+    snapshot = snapshot_of(bodies)
+    plainly = sensor("sensor.lavsim.truth").read([snapshot], wall, DRAWS)
+    assert "pixels" not in plainly
+    seeing = sensor("sensor.lavsim.truth", visibility=True)
+    reading = seeing.read([snapshot], wall, DRAWS)
+    assert set(reading) == set(seeing.spec)  # type: ignore[arg-type]
+    for key in ("lidar_hits", "pixels"):
+        ahead, hidden, behind, far = reading[key][1:]
+        assert hidden == 0  # behind the wall
+        assert min(ahead, behind) > 5 * far > 0
+    assert reading["lidar_hits"][0] == 0  # the LiDAR looks over its own roof
+
+
 def test_depth_camera_has_carlas_code() -> None:
     scene = plain(box(21.5, 0.0, 2.0, 30.0, 0.0, 30.0))
     image = sensor("sensor.camera.depth", x=0.5, z=1.0, width=20, height=20, fov=60).read([snapshot_of()], scene, DRAWS)
