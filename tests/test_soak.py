@@ -1,0 +1,103 @@
+"""Many drives in one process: memory stays, nobody is lost, every number is one."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lavsim.random import Draws
+from lavsim.simulation import DriveSpec, Simulation
+from lavsim.types import Control
+from lavsim.world.snapshot import Snapshot
+from tests.drives import hazard, straight_drive
+
+EXTREMES = (0.0, 1.0, -1.0, 0.3, 1e9, -1e9, float("inf"), float("-inf"), float("nan"))
+
+
+def busy_drive(seed: int) -> DriveSpec:
+    """Traffic, walkers and a hazard in a small town."""
+    crossing = hazard("DynamicObjectCrossing", 30, distance="12")
+    return straight_drive(traffic="lav", vehicles=40, walkers=20, seed=seed, scenarios=(crossing,))
+
+
+def any_control(draws: Draws, tick: int) -> Control:
+    """What a broken agent might send: extremes, and numbers that are none."""
+    throttle, steer, brake = (EXTREMES[draws.integer(tick // 20, len(EXTREMES), k)] for k in range(3))
+    return Control(throttle, steer, brake, reverse=draws.integer(tick // 20, 2, 3) == 1)
+
+
+def soak(spec: DriveSpec, ticks: int) -> Simulation:
+    """Drives with random controls and looks at every tick."""
+    simulation = Simulation(spec)
+    draws, ids = Draws.of_seed(spec.seed), set(simulation.snapshot.ids.tolist())
+    x0, y0, x1, y1 = simulation.town.bounds
+    for tick in range(ticks):
+        snapshot = simulation.tick(any_control(draws, tick))
+        assert_whole(snapshot)
+        assert np.all(np.abs(snapshot.xy - [(x0 + x1) / 2, (y0 + y1) / 2]) <= [(x1 - x0) / 2 + 50, (y1 - y0) / 2 + 50])
+    background = {actor for actor in ids if actor < 1_000_000}
+    assert background <= set(simulation.snapshot.ids.tolist())
+    return simulation
+
+
+def assert_whole(snapshot: Snapshot) -> None:
+    """What overflows or is no number becomes the smallest integer when it is quantised."""
+    smallest = np.iinfo(np.int32).min
+    for values in (snapshot.pose, snapshot.velocity, snapshot.state):
+        assert not np.any(values == smallest)
+    assert np.abs(snapshot.velocity).max() < 10_000  # 100 m/s
+    assert np.isfinite(snapshot.ego_motion).all()
+    assert np.isfinite(snapshot.control).all()
+    assert np.isfinite(snapshot.contacts["impulse"]).all()
+
+
+def resident() -> int:
+    """Bytes of memory that this process holds."""
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4096
+
+
+def test_a_drive_with_broken_controls_stays_whole() -> None:
+    soak(busy_drive(0), 300)
+
+
+def test_a_finished_drive_leaves_nothing_behind() -> None:
+    """Its world, bodies and snapshots are freed at once; nothing else holds them."""
+    simulation = soak(busy_drive(1), 5)
+    parts = [simulation._world, simulation._traffic, simulation._walkers, simulation._director, simulation.snapshot]
+    left = [weakref.ref(part) for part in (simulation, *parts)]
+    del simulation, parts
+    gc.collect()
+    assert [part() for part in left] == [None] * len(left)
+
+
+def test_resets_keep_memory_flat() -> None:
+    for seed in range(5):
+        soak(busy_drive(seed), 5)
+    before = resident()
+    for seed in range(15):
+        soak(busy_drive(seed), 5)
+    assert resident() < 1.05 * before
+
+
+@pytest.mark.slow
+def test_a_thousand_drives_keep_memory_flat() -> None:
+    """1,000 resets and 100,000 ticks in one process."""
+    for seed in range(50):
+        soak(busy_drive(seed), 100)
+    before = resident()
+    for seed in range(50, 1000):
+        soak(busy_drive(seed), 100)
+    assert resident() < 1.05 * before
+
+
+@pytest.mark.slow
+def test_one_long_drive_keeps_memory_flat() -> None:
+    """The controls so far are kept, some hundred bytes a tick, so that the drive can be forked."""
+    soak(busy_drive(0), 2_000)
+    before = resident()
+    soak(busy_drive(0), 100_000)
+    assert resident() < 1.05 * before + 100_000 * 200
