@@ -201,9 +201,8 @@ def apart(first: LogReader, second: LogReader, tick: int) -> np.ndarray:
 
 def main() -> None:
     """Runs the checks that are named, all by default."""
-    checks = ("processes", "workers", "sensors", "hazard", "families")
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("checks", nargs="*", default=checks, choices=[*checks, []])
+    parser.add_argument("checks", nargs="*", metavar="CHECK", help=", ".join(_CHECKS))
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--town", default="us_large_a")
     parser.add_argument("--vehicles", type=int, default=100)
@@ -221,7 +220,7 @@ def main() -> None:
         contacts = sum(len(snapshot.contacts) for snapshot in log)
         print(f"log: {base.path.stat().st_size} bytes, {base.path.stat().st_size / base.ticks:.0f} a tick, "
               f"{len(log.table.ids)} actors, {contacts} contacts")  # fmt: skip
-        for check in arguments.checks:
+        for check in arguments.checks or _CHECKS:
             print(f"{check}: {_CHECKS[check](base, own, Path(folder))}", flush=True)
 
 
