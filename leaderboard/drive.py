@@ -22,6 +22,7 @@ from lavsim.sensors.suites import find_suite
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control
 from lavsim.world.snapshot import Snapshot
+from leaderboard.metrics import DriveMetrics, MetricsObserver
 from leaderboard.observer import CriteriaObserver, Verdict, judge
 from leaderboard.outcomes import DriveOutcome
 from leaderboard.picture import draw_drive
@@ -140,7 +141,7 @@ def lost_drive(task: DriveTask, reason: str) -> DriveOutcome:
 _NOTHING: Mapping[str, Any] = {
     "town_digest": None, "agent_status": 0, "agent_message": None, "ticks": 0, "dense_length": 0.0,
     "keypoint_length": 0.0, "completion": 0.0, "infractions": [], "setup_seconds": 0.0, "drive_seconds": 0.0,
-    "real_time_factor": 0.0, "log": None, "picture": None,
+    "metrics": DriveMetrics().to_json(), "real_time_factor": 0.0, "log": None, "picture": None,
 }  # fmt: skip
 
 
@@ -154,15 +155,17 @@ def _identity(task: DriveTask) -> dict[str, Any]:
         "town": task.entry.town,
         "seed": task.seed,
         "traffic": task.traffic,
+        "scenarios": [scenario.type for scenario in task.entry.scenarios],
     }
 
 
 def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
     """Drives `task` to its end, whatever the agent does."""
-    criteria = CriteriaObserver(task.rules)
+    criteria, metrics = CriteriaObserver(task.rules), MetricsObserver()
     begun = time.perf_counter()
     simulation = Simulation(task.spec())
     criteria.watch(simulation.town, simulation.route)
+    metrics.watch(simulation.town, simulation.route)
     agent = ChildAgent(task.agent, task.output, _environment(task.town_path))
     sensors: list[dict[str, Any]] = []
     track: Track | None = None
@@ -174,7 +177,7 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         track, sensors = agent.track, agent.sensors()
         check_sensors(sensors, track, task.track, task.rules)
         suite, handle = _suite(simulation, sensors, task.sensors, agent)
-        observers: list[Observer] = [criteria, LogWriter(task.log, {"suite": sensors})]
+        observers: list[Observer] = [criteria, metrics, LogWriter(task.log, {"suite": sensors})]
         if on_tick is not None:
             observers.append(_Reporter(criteria, on_tick))
         started = time.perf_counter()
@@ -204,6 +207,7 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         "keypoint_length": verdict.keypoint_length,
         "completion": verdict.completion,
         "infractions": [i.to_json() for i in sorted(verdict.infractions, key=lambda i: i.tick)],
+        "metrics": metrics.metrics().to_json(),
         "setup_seconds": started - begun,
         "drive_seconds": ended - started,
         "real_time_factor": verdict.duration / max(ended - started, 1e-9),

@@ -138,6 +138,7 @@ def _outcome(record: RouteRecord, part: Part, index: int, out: Path, sensors: tu
     record_there = replace(record, index=index)
     details: dict[str, Any] = {"index": index, "name": record.route_id, "dense_length": record.route_length}
     details |= {"completion": record.scores.route, "log": None, "picture": None}
+    details |= {"scenarios": [], "metrics": {}}
     if part.run is None:
         return DriveOutcome(record_there, sensors, None, details)
     details |= part.run.drive(record.index) | {"index": index}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from leaderboard.abilities import run_metrics
 from leaderboard.record import Results, sensor_icons, write_run
 from leaderboard.rules import Rules
 from leaderboard.score import SHORTEST, RouteRecord, plain_rates
@@ -64,6 +65,7 @@ def write_outcomes(
         "drives": drives,
         "kilometres": kilometres,
         "infractions_per_km": plain_rates(results.records, max(kilometres, SHORTEST), rules),
+        "metrics": run_metrics(results.records, drives, total),
     }
     results.write(folder)
     write_run(folder, run)

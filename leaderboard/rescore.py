@@ -10,6 +10,7 @@ from typing import Any
 
 from lavsim.agent import AgentFailure, AgentStatus
 from lavsim.errors import OutputError
+from leaderboard.metrics import DriveMetrics, MetricsObserver
 from leaderboard.observer import REASONS, CriteriaObserver, Verdict, judge
 from leaderboard.outcomes import RUN_SCHEMA, DriveOutcome, write_outcomes
 from leaderboard.recorded import RecordedDrive
@@ -65,7 +66,7 @@ def rescore(
 def _judge_again(old: Run, record: dict[str, Any], rules: Rules, out: Path, town_path: Sequence[Path]) -> DriveOutcome:
     drive = old.drive(record["index"])
     log = old.folder / drive["log"] if drive.get("log") else None
-    verdict = _watch(log, rules, town_path) if log is not None else _never_driven(drive)
+    verdict, metrics = _watch(log, rules, town_path) if log is not None else (_never_driven(drive), DriveMetrics())
     name = drive["name"].removesuffix(f"_rep{drive['repetition']}")
     route_id = f"{name}_rep{drive['repetition']}" if rules.repetition_in_id else name
     details = {
@@ -73,6 +74,7 @@ def _judge_again(old: Run, record: dict[str, Any], rules: Rules, out: Path, town
         "completion": verdict.completion,
         "ticks": verdict.ticks,
         "infractions": [i.to_json() for i in sorted(verdict.infractions, key=lambda i: i.tick)],
+        "metrics": metrics.to_json(),
         "log": _from(out, log),
         "picture": _from(out, old.folder / drive["picture"] if drive.get("picture") else None),
     }
@@ -82,10 +84,11 @@ def _judge_again(old: Run, record: dict[str, Any], rules: Rules, out: Path, town
     return DriveOutcome(judged, tuple(old.results["sensors"]), old.run["track"], details)
 
 
-def _watch(log: Path, rules: Rules, town_path: Sequence[Path]) -> Verdict:
+def _watch(log: Path, rules: Rules, town_path: Sequence[Path]) -> tuple[Verdict, DriveMetrics]:
     recorded = RecordedDrive.open(log, town_path)
-    criteria = CriteriaObserver(rules)
+    criteria, metrics = CriteriaObserver(rules), MetricsObserver()
     criteria.watch(recorded.town, recorded.route)
+    metrics.watch(recorded.town, recorded.route)
     status = recorded.log.status
     if status is None:
         raise OutputError(f"{log} was cut short: drive it again, a score of a part means nothing")
@@ -93,11 +96,12 @@ def _watch(log: Path, rules: Rules, town_path: Sequence[Path]) -> Verdict:
     if status["agent_status"]:
         failure = AgentFailure(AgentStatus(status["agent_status"]), status["ending"])
     for snapshot in recorded.log:
+        metrics.observe(snapshot)
         if criteria.observe(snapshot) is not None:
             failure = None
             break
     criteria.close(failure)
-    return criteria.verdict()
+    return criteria.verdict(), metrics.metrics()
 
 
 def _never_driven(drive: dict[str, Any]) -> Verdict:

@@ -40,6 +40,7 @@ class MinSpeed(Criterion):
         self._progress = PlaneProgress(route, self.window)
         self._piece = float(route.distance[-1]) / self.rules.require(self.pieces)
         self._checkpoint = 0.0
+        self.percentages: list[float] = []  # of all pieces judged that had traffic around
         self._where: tuple[int, tuple[float, float, float]] = (0, (0.0, 0.0, 0.0))
         self._reset()
 
@@ -69,6 +70,8 @@ class MinSpeed(Criterion):
 
     def _judge(self) -> list[Infraction]:
         percent = round(100.0 * self._ego / self._traffic, 2) if self._traffic > 0.0 else 100.0
+        if self._traffic > 0.0:
+            self.percentages.append(percent)
         if percent >= 100.0:
             return []
         tick, where = self._where
