@@ -28,9 +28,9 @@ from lavsim.log.predict import (
     STATE,
     VELOCITY,
     axles,
+    find_changes,
     residuals_of,
     restore_values,
-    runs_in_circles,
 )
 from lavsim.types import ActorClass
 from lavsim.world.snapshot import CONTACT_DTYPE, HAZARD_DTYPE, ActorTable, Snapshot
@@ -149,10 +149,9 @@ def encode_block(block: Block, table: ActorTable, starts: NDArray[np.int32]) -> 
         starts: (M, CHANNELS) values of each row of `table` that block and reader both know.
     """
     first = block.starts()
-    changes = np.any((block.values != first) & block.present[..., None], axis=(0, 2))
+    changes, circular = find_changes(block.values, block.present, first)
     moving = np.flatnonzero(changes)
     moved, shown = block.values.take(moving, axis=1), block.present.take(moving, axis=1)
-    circular = runs_in_circles(first) and runs_in_circles(moved)
     residuals = residuals_of(moved, shown, _axles_of(table, block.rows[moving]), circular)
     parts = [
         block.rows.astype("<i4").tobytes(),

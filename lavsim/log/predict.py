@@ -34,14 +34,30 @@ _SIDEWAYS = 12868  # 2^26 (2 pi / 65536) / 10 / 0.05 s: [mm] x [2^-16 turn per t
 _COSINE = np.rint(np.cos(np.arange(65536) * (2.0 * np.pi / 65536.0)) * 16384.0).astype(np.int64)
 
 
-def runs_in_circles(values: NDArray[np.int32]) -> bool:
-    """Whether the circular channels of `values` (…, CHANNELS) all keep their range."""
-    if not values.size:
-        return True
-    return all(
-        low <= values[..., channel].min() and values[..., channel].max() <= low + mask
-        for channel, (low, mask) in _CIRCLES.items()
-    )
+@kernel
+def find_changes(
+    values: NDArray[np.int32], present: NDArray[np.bool_], starts: NDArray[np.int32]
+) -> tuple[NDArray[np.bool_], bool]:
+    """Which rows change, and whether the circular channels all keep their range.
+
+    Args:
+        values: (T, R, CHANNELS).
+        present: (T, R) where they count.
+        starts: (R, CHANNELS) each row at its first tick.
+    """
+    ticks, rows, _ = values.shape
+    changes, circular = np.zeros(rows, np.bool_), True
+    for t in range(ticks):
+        for r in range(rows):
+            if not present[t, r]:
+                continue
+            same = True
+            for c in range(CHANNELS):
+                same &= values[t, r, c] == starts[r, c]
+            changes[r] |= not same
+            angles = -32768 <= values[t, r, YAW] < 32768 and -32768 <= values[t, r, PITCH] < 32768
+            circular &= angles and 0 <= values[t, r, GAIT] < 256
+    return changes, circular
 
 
 def ranges(circular: bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -64,7 +80,7 @@ def residuals_of(
         values: (T, R, CHANNELS) of rows over consecutive ticks.
         present: (T, R) where they are to be kept.
         axle: (R,) see `axles`.
-        circular: See `runs_in_circles`.
+        circular: See `find_changes`.
 
     Returns:
         (R, T, CHANNELS); zero where a row is absent and at its first tick, which is stored apart.
