@@ -31,6 +31,7 @@ from lavsim.render.canvas import Canvas, write_png
 from lavsim.render.scene import get_scene
 from lavsim.towns.facts import bundled_facts
 from lavsim.traffic.audit import Incident, TrafficAudit
+from lavsim.traffic.parked import park_cars
 from lavsim.traffic.population import Traffic
 from lavsim.traffic.profiles import LEADERBOARD_VEHICLES, Population, population_of
 from lavsim.traffic.walkers import Walkers
@@ -82,6 +83,7 @@ class Drive:
         draws = Draws.of_seed(seed)
         self.traffic = Traffic(town, self.world, draws, who.vehicles)
         self.walkers = Walkers(town, self.world, draws, who.walkers)
+        self.parked = park_cars(town, self.world, draws, who.parked)
         self.lights = TrafficLights(len(town.lights), town.light_groups)
 
     def tick(self) -> Snapshot:
@@ -180,7 +182,7 @@ def run(name: str, seed: int, arguments: argparse.Namespace, advance: Callable[[
     audit = watch(drive, ticks, folder if arguments.pictures else None, advance)
     result = {
         "town": name, "seed": seed, "minutes": arguments.minutes, "vehicles": len(drive.traffic),
-        "walkers": len(drive.walkers),
+        "walkers": len(drive.walkers), "parked": len(drive.parked),
         "dissolved": int(getattr(drive.traffic, "dissolved", 0)),
         "ticks_per_s": ticks / (time.perf_counter() - begun), "report": audit.report().as_dict(),
         "incidents": [vars(incident) for incident in audit.incidents],
