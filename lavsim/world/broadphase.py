@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
+from lavsim.portable_math import cos_sin
 from lavsim.world.motion import GONE, WALKING
 
 LEVEL_GAP = 3.0  # [m] DESIGN section 2: actors farther apart in z ignore each other
@@ -195,7 +196,7 @@ def _enter_rows(
         travel = math.sqrt(move[i, 0] ** 2 + move[i, 1] ** 2)
         scratch.moves[i] = travel > 0.0 or move[i, 2] != 0.0
         scratch.reach[i] = math.sqrt(half[i, 0] ** 2 + half[i, 1] ** 2) + travel
-        scratch.axis[i, 0], scratch.axis[i, 1] = math.cos(pose[i, 2]), math.sin(pose[i, 2])
+        scratch.axis[i, 0], scratch.axis[i, 1] = cos_sin(pose[i, 2])
         widest = max(widest, scratch.reach[i])
         slot = _slot(math.floor(pose[i, 0] / _CELL), math.floor(pose[i, 1] / _CELL))
         scratch.follow[i] = scratch.head[slot]

@@ -6,11 +6,11 @@ of the Lincoln MKZ. The other classes are scaled from it; their numbers are ours
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from lavsim.kernel import kernel
+from lavsim.portable_math import atan, sin, tan
 from lavsim.types import DT, ActorClass
 from lavsim.world.weather import Weather
 
@@ -139,5 +139,5 @@ def speed_after(
 @kernel
 def steer_curvature(steer: float) -> float:
     """Curvature of the fitted car's path [1/m], positive to the right, at `steer` (-1 to 1)."""
-    slip = math.atan(REAR_LENGTH / (FRONT_LENGTH + REAR_LENGTH) * math.tan(MAX_WHEEL_ANGLE * steer))
-    return math.sin(slip) / REAR_LENGTH
+    slip = atan(REAR_LENGTH / (FRONT_LENGTH + REAR_LENGTH) * tan(MAX_WHEEL_ANGLE * steer))
+    return sin(slip) / REAR_LENGTH

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
+from lavsim.portable_math import asin, atan2, cos_sin
 from lavsim.types import DT
 
 # How a row of the world moves.
@@ -94,7 +95,7 @@ def _walk(
         vx, vy, speed = vx * FASTEST_WALK / speed, vy * FASTEST_WALK / speed, FASTEST_WALK
     turn = 0.0
     if speed > TURNING_WALK:
-        turn = math.atan2(vy, vx) - yaw
+        turn = atan2(vy, vx) - yaw
         turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
         turn = min(max(turn, -WALKER_TURN * DT), WALKER_TURN * DT)
     body[i, 0], body[i, 1], body[i, 2] = speed, 0.0, 0.0
@@ -131,13 +132,14 @@ def _roll(
     bend = min(max(bend, -most), most)
     length = after * DT
     turn = length * bend
-    slip = math.asin(min(max(bend * rear, -0.9), 0.9))
+    slip = asin(min(max(bend * rear, -0.9), 0.9))
     half = 0.5 * turn
     chord = length * (1.0 - half * half / 6.0 * (1.0 - half * half / 20.0))  # sin(half) / half, exact to 1e-12 here
-    course = yaw + slip
-    move[i, 0], move[i, 1], move[i, 2] = chord * math.cos(course + half), chord * math.sin(course + half), turn
+    cos, sin = cos_sin(yaw + slip + half)
+    move[i, 0], move[i, 1], move[i, 2] = chord * cos, chord * sin, turn
     body[i, 0], body[i, 1], body[i, 2] = after, 0.0, after * bend
-    velocity[i, 0], velocity[i, 1] = after * math.cos(course + turn), after * math.sin(course + turn)
+    cos, sin = cos_sin(yaw + slip + turn)
+    velocity[i, 0], velocity[i, 1] = after * cos, after * sin
     velocity[i, 2] = after * bend
 
 
@@ -160,7 +162,7 @@ def _slide(
     aside = _towards(body[i, 1], 0.0, loss)
     spin = _towards(body[i, 2], 0.0, SPIN_GRIP * grip * DT)
     body[i, 0], body[i, 1], body[i, 2] = ahead, aside, spin
-    cos, sin = math.cos(yaw), math.sin(yaw)
+    cos, sin = cos_sin(yaw)
     vx, vy = ahead * cos - aside * sin, ahead * sin + aside * cos
     move[i, 0], move[i, 1], move[i, 2] = vx * DT, vy * DT, spin * DT
     velocity[i, 0], velocity[i, 1], velocity[i, 2] = vx, vy, spin
@@ -171,6 +173,34 @@ def _slide(
 @kernel
 def _towards(value: float, target: float, change: float) -> float:
     return max(target, value - change) if value > target else min(target, value + change)
+
+
+@kernel
+def take_over(
+    rows: NDArray[np.int64],
+    pose: NDArray[np.float64],
+    velocity: NDArray[np.float64],
+    command: NDArray[np.float64],
+    body: NDArray[np.float64],
+    loose: NDArray[np.bool_],
+) -> None:
+    """After a contact the engine's velocities hold; tyres then bring the bodies back to rolling.
+
+    Args:
+        rows: Who was touched.
+        pose: (N, 3) x, y, yaw.
+        velocity: (N, 3) x, y [m/s] and yaw rate [rad/s] the engine left them with.
+        command: (N, 2) as in `integrate`.
+        body: (N, 3) as in `integrate`; filled for `rows`.
+        loose: (N,) as in `integrate`; filled for `rows`.
+    """
+    for i in rows:
+        cos, sin = cos_sin(pose[i, 2])
+        ahead = velocity[i, 0] * cos + velocity[i, 1] * sin
+        aside = -velocity[i, 0] * sin + velocity[i, 1] * cos
+        spin = velocity[i, 2]
+        body[i, 0], body[i, 1], body[i, 2] = ahead, aside, spin
+        loose[i] = abs(aside) > HOLD_SLIDE or abs(spin - ahead * command[i, 1]) > HOLD_SPIN
 
 
 @kernel
@@ -198,7 +228,7 @@ def finish(
         if motion[i] == WALKING:
             gait[i] += body[i, 0] * DT / STRIDE
     ax, ay = (velocity[0, 0] - before[0]) / DT, (velocity[0, 1] - before[1]) / DT
-    cos, sin = math.cos(pose[0, 2]), math.sin(pose[0, 2])
+    cos, sin = cos_sin(pose[0, 2])
     ego_motion[0] = ax * cos + ay * sin
     ego_motion[1] = -ax * sin + ay * cos
     ego_motion[5] = velocity[0, 2]

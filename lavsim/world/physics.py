@@ -224,5 +224,5 @@ class Physics:
         rows = np.where(rows[:, :1] < 0, rows[:, ::-1], rows)  # the static world second
         apart = np.abs(self._height[rows[:, 0]] - self._height[rows[:, 1]]) > LEVEL_GAP
         meets = ~apart | (rows[:, 1] < 0)
-        impulse = np.hypot(values[:, 0], values[:, 1])
+        impulse = np.sqrt(values[:, 0] ** 2 + values[:, 1] ** 2)
         return Contacts(rows[meets], impulse[meets], values[meets, 2:])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.errors import ScenarioError
+from lavsim.portable_math import snapped
 from lavsim.types import ActorClass, Control, Role, VehicleLight
 from lavsim.world.actor import Actor
 from lavsim.world.blueprints import Blueprint
@@ -23,7 +24,7 @@ from lavsim.world.dynamics import (
     speed_after,
     steer_curvature,
 )
-from lavsim.world.motion import DRIVEN, GONE, HOLD_SLIDE, HOLD_SPIN, RESTING, WALKING, finish, integrate
+from lavsim.world.motion import DRIVEN, GONE, RESTING, WALKING, finish, integrate, take_over
 from lavsim.world.physics import NO_CONTACTS, Bodies, Physics
 from lavsim.world.proximity import box_distance, boxes_overlap
 from lavsim.world.publish import quantise
@@ -147,6 +148,8 @@ class World:
         ]  # fmt: skip
         self.present[rows] = True
         self.motion[rows] = [_motion_of(kind.actor_class, role) for kind in blueprints]
+        # Some library worked out where they stand: the last bits, in which libraries differ, are dropped.
+        positions, yaws = snapped(positions), snapped(yaws)
         self.pose[rows, :2], self.pose[rows, 2], self.height[rows] = positions[:, :2], yaws, positions[:, 2]
         sizes = np.array([kind.size for kind in blueprints]).reshape(-1, 3)
         solid = np.array([kind.is_solid for kind in blueprints])
@@ -256,15 +259,9 @@ class World:
             self._take_over(decided)
 
     def _take_over(self, rows: NDArray[np.int64]) -> None:
-        """After a contact the engine's velocities hold; tyres then bring the bodies back to rolling."""
-        touching = self._contacts.rows
-        yaw = self.pose[rows, 2]
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        vx, vy, spin = self.velocity[rows].T
-        ahead, aside = vx * cos + vy * sin, -vx * sin + vy * cos
-        rolling = ahead * self.command[rows, 1]
-        self.body[rows, 0], self.body[rows, 1], self.body[rows, 2] = ahead, aside, spin
-        self._loose[rows] = (np.abs(aside) > HOLD_SLIDE) | (np.abs(spin - rolling) > HOLD_SPIN)
+        """What the engine decided about `rows` becomes their state."""
+        n, touching = self.count, self._contacts.rows
+        take_over(rows, self.pose[:n], self.velocity[:n], self.command[:n], self.body[:n], self._loose[:n])
         self.touched[touching[touching >= 0]] = self.tick
         self._knock_down()
 
@@ -273,7 +270,7 @@ class World:
         for side in self._contacts.rows.T:
             hit = (side >= 0) & (self.motion[side] == WALKING)
             rows = side[hit]
-            own = self._mass[rows] * np.hypot(self.command[rows, 0], self.command[rows, 1])
+            own = self._mass[rows] * np.sqrt(self.command[rows, 0] ** 2 + self.command[rows, 1] ** 2)
             self.motion[rows[self._contacts.impulse[hit] > _KNOCK_DOWN_IMPULSE + own]] = RESTING
 
     def _contact_events(self) -> NDArray[np.void]:
