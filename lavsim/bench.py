@@ -9,11 +9,16 @@ from __future__ import annotations
 import os
 import resource
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from lavsim.episode import EpisodeResult
+from lavsim.log.writer import LogWriter
 from lavsim.map.planner import get_planner
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.render.scene import get_scene
@@ -24,6 +29,7 @@ from lavsim.types import Control
 
 TOWN = "us_large_a"
 VEHICLES, WALKERS = 100, 50
+TICKS_PER_FRAME = 5  # a dataset keeps every fifth tick
 _ROUNDS = 5
 _WARM_UP = 100  # ticks, until traffic moves
 
@@ -45,6 +51,7 @@ def bench() -> dict[str, float]:
     return {
         "world_ticks_per_s": 1.0 / _median_seconds(lambda: simulation.tick(Control(brake=1.0)), 400),
         "suite_ticks_per_s": 1.0 / _median_seconds(world_and_suite, 40),
+        "log_frames_per_s": 1.0 / _log_seconds(simulation),
         "lidar_ms": 1e3 * _sensor_seconds(simulation, {"type": "sensor.lidar.ray_cast", "id": "lidar", "z": 2.4}),
         "camera_ms": 1e3
         * _sensor_seconds(
@@ -62,9 +69,23 @@ def bench_drive(town: TownMap) -> DriveSpec:
     lane = int(np.flatnonzero((lanes.junction < 0) & (lanes.type == 2) & (lanes.length > 60.0))[0])
     ends = town.centre(np.array([lane, lane]), np.array([10.0, 50.0]))[:, :3]
     get_planner(town)
-    return DriveSpec(
-        town=town.name, route_id="bench", keypoints=ends, traffic="lav", vehicles=VEHICLES, walkers=WALKERS
-    )
+    counts: dict[str, Any] = {"vehicles": VEHICLES, "walkers": WALKERS, "parked": 0.0}
+    return DriveSpec(town=town.name, route_id="bench", keypoints=ends, traffic="lav", **counts)
+
+
+def _log_seconds(simulation: Simulation) -> float:
+    """Time of a frame of log: five ticks of the world, all written."""
+    with tempfile.TemporaryDirectory() as folder:
+        writer = LogWriter(Path(folder) / "bench.lavlog")
+        writer.start(simulation)
+
+        def frame() -> None:
+            for _ in range(TICKS_PER_FRAME):
+                writer.observe(simulation.tick(Control(brake=1.0)))
+
+        seconds = _median_seconds(frame, 80)  # 400 ticks: two whole blocks of the log a round
+        writer.finish(EpisodeResult(0, "bench"))
+    return seconds
 
 
 def _sensor_seconds(simulation: Simulation, sensor: dict[str, object]) -> float:

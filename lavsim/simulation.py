@@ -19,11 +19,13 @@ from lavsim.map.town_map import TownMap, load_town
 from lavsim.random import Draws
 from lavsim.scenarios.base import ScenarioSpec
 from lavsim.scenarios.director import Director
+from lavsim.traffic.parked import park_cars
 from lavsim.traffic.population import Traffic
 from lavsim.traffic.profiles import TRAFFIC_PROFILES, Population, population_of
 from lavsim.traffic.walkers import Walkers
 from lavsim.types import DT, ActorIds, Control, Role
 from lavsim.world.blueprints import find_blueprint
+from lavsim.world.dynamics import road_grip
 from lavsim.world.lights import LightCycle, TrafficLights
 from lavsim.world.snapshot import Snapshot
 from lavsim.world.weather import Weather, WeatherKeyframe, weather_at
@@ -56,6 +58,7 @@ class DriveSpec:
         wet_friction: Whether rain and puddles make the road slippery; CARLA's weather does not.
         rules: Rule set, for the log.
         generation: "1.0" or "2.x": which ego drives.
+        ego: Blueprint of the ego instead of the generation's.
         town_path: Folders searched for towns that are not bundled.
     """
 
@@ -74,6 +77,7 @@ class DriveSpec:
     wet_friction: bool = False
     rules: str = "1.0"
     generation: str = "1.0"
+    ego: str | None = None
     town_path: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
@@ -81,6 +85,8 @@ class DriveSpec:
             raise UnknownName("traffic profile", self.traffic, TRAFFIC_PROFILES)
         if self.generation not in EGO_BLUEPRINTS:
             raise ConfigError(f"generation must be one of {', '.join(EGO_BLUEPRINTS)}, got {self.generation!r}.")
+        if self.ego is not None and not find_blueprint(self.ego).actor_class.is_vehicle:
+            raise ConfigError(f"the ego must be a vehicle, got {self.ego!r}.")
         for name in ("vehicles", "walkers"):
             count = getattr(self, name)
             if count is not None and count < 0:
@@ -100,7 +106,7 @@ class DriveSpec:
     def from_header(header: Mapping[str, Any], town_path: tuple[Path, ...] = ()) -> DriveSpec:
         """The drive that a log's header tells of (`Simulation.header`)."""
         plain = ("town", "route_id", "seed", "traffic", "vehicles", "walkers", "parked", "jaywalking", "wet_friction",
-                 "rules", "generation")  # fmt: skip
+                 "rules", "generation", "ego")  # fmt: skip
         return DriveSpec(
             **{name: header[name] for name in plain},
             keypoints=np.array(header["keypoints"], dtype=np.float64).reshape(-1, 3),
@@ -148,6 +154,7 @@ class Simulation:
         self._population = spec.population(self.town)
         self._traffic = Traffic(self.town, self._world, self.draws, self._population.vehicles)
         self._walkers = Walkers(self.town, self._world, self.draws, self._population.walkers, spec.jaywalking)
+        park_cars(self.town, self._world, self.draws, self._population.parked)
         self._index = 0  # nearest route point, see `_track_route`
         self._director = Director(
             self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._progress
@@ -171,6 +178,8 @@ class Simulation:
         lights = self._lights.states(self._world.tick * DT)
         self._traffic.control(lights)
         self._walkers.control(lights)
+        if self.spec.wet_friction:
+            self._world.grip = road_grip(self._weather())
         self._world.drive_ego(_as_logged(control))
         self._world.step()
         self._follow_ground()
@@ -204,12 +213,13 @@ class Simulation:
             "wet_friction": spec.wet_friction,
             "rules": spec.rules,
             "generation": spec.generation,
+            "ego": spec.ego,
         }  # fmt: skip
 
     def _spawn_ego(self) -> None:
         self._world.spawn(
             int(ActorIds.EGO),
-            find_blueprint(EGO_BLUEPRINTS[self.spec.generation]),
+            find_blueprint(self.spec.ego or EGO_BLUEPRINTS[self.spec.generation]),
             self.route.points[0],
             float(self.route.yaw[0]),
             Role.EGO,
@@ -238,8 +248,6 @@ class Simulation:
         return float(self.route.distance[self._index])
 
     def _weather(self) -> Weather:
-        if not self.spec.weather:
-            return Weather()
         return weather_at(self.spec.weather, 100.0 * self.route.distance[self._index] / self.route.length)
 
     def _publish(self) -> Snapshot:
