@@ -18,6 +18,7 @@ from lavsim.portable_math import cos_sin
 from lavsim.world.motion import GONE, WALKING
 
 LEVEL_GAP = 3.0  # [m] DESIGN section 2: actors farther apart in z ignore each other
+BODY_BAND = (0.25, 1.2)  # [m] above the ground: what is lower is driven over, what is higher under
 _CELL = 16.0  # [m] of the grid of bodies; more than two of the longest
 _SLOTS = 1024  # hashed cells
 _WALL_CELL = 8.0  # [m] of the grid of walls
@@ -30,6 +31,7 @@ class Walls(NamedTuple):
         corners: (W, K, 2) corners [m]; those from `sides` on are unused.
         sides: (W,) corners of each.
         bounds: (W, 4) x0, y0, x1, y1 [m].
+        z: (W, 2) bottom and top [m].
         origin: (2,) lower corner of the grid [m].
         shape: (2,) columns (x) and rows (y).
         first: (cells + 1,) where each cell's walls begin in `entry`.
@@ -39,6 +41,7 @@ class Walls(NamedTuple):
     corners: NDArray[np.float64]
     sides: NDArray[np.int64]
     bounds: NDArray[np.float64]
+    z: NDArray[np.float64]
     origin: NDArray[np.float64]
     shape: NDArray[np.int64]
     first: NDArray[np.int64]
@@ -74,8 +77,9 @@ def make_scratch(rows: int) -> Scratch:
     )
 
 
-def build_walls(polygons: Sequence[NDArray[np.float64]]) -> Walls:
-    """A grid over convex polygons `(M, 2)` [m]."""
+def build_walls(polygons: Sequence[NDArray[np.float64]], z: NDArray[np.float64] | None = None) -> Walls:
+    """A grid over convex polygons `(M, 2)` with bottoms and tops `z` `(W, 2)` [m], of any height if none are given."""
+    z = np.tile([-np.inf, np.inf], (len(polygons), 1)) if z is None else np.asarray(z, dtype=np.float64).reshape(-1, 2)
     count = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
     most = int(count.max()) if len(count) else 0
     corners = np.zeros((len(polygons), most, 2))
@@ -84,12 +88,14 @@ def build_walls(polygons: Sequence[NDArray[np.float64]]) -> Walls:
         corners[k, len(polygon) :] = polygon[-1]  # so that bounds need no mask
     if not len(polygons):
         empty = np.zeros(0, np.int64)
-        return Walls(corners, count, np.zeros((0, 4)), np.zeros(2), np.zeros(2, np.int64), np.zeros(1, np.int64), empty)
+        return Walls(
+            corners, count, np.zeros((0, 4)), z, np.zeros(2), np.zeros(2, np.int64), np.zeros(1, np.int64), empty
+        )
     bounds = np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
     origin = bounds[:, :2].min(axis=0)
     shape = np.floor((bounds[:, 2:].max(axis=0) - origin) / _WALL_CELL).astype(np.int64) + 1
     first, entry = _fill_walls(bounds, origin, shape)
-    return Walls(corners, count, bounds, origin, shape, first, entry)
+    return Walls(corners, count, bounds, z, origin, shape, first, entry)
 
 
 @kernel
@@ -174,7 +180,7 @@ def find_candidates(
                                 found[i] = found[j] = True
                     j = follow[j]
     if len(walls.sides) > 0:
-        _mark_walls(motion, pose, move, half, scratch, walls, found)
+        _mark_walls(motion, pose, move, half, height, scratch, walls, found)
     return int(np.sum(found))
 
 
@@ -281,6 +287,7 @@ def _mark_walls(
     pose: NDArray[np.float64],
     move: NDArray[np.float64],
     half: NDArray[np.float64],
+    height: NDArray[np.float64],
     scratch: Scratch,
     walls: Walls,
     found: NDArray[np.bool_],
@@ -299,7 +306,8 @@ def _mark_walls(
             for k in range(first[cy * columns + first_x], first[cy * columns + last_x + 1]):
                 w = entry[k]
                 beside = x + reach < bounds[w, 0] or x - reach > bounds[w, 2]
-                if not beside and y + reach >= bounds[w, 1] and y - reach <= bounds[w, 3]:
+                level = walls.z[w, 0] < height[i] + BODY_BAND[1] and walls.z[w, 1] > height[i] + BODY_BAND[0]
+                if level and not beside and y + reach >= bounds[w, 1] and y - reach <= bounds[w, 3]:
                     slack = abs(move[i, 2]) * reach
                     box = axis[i, 0], axis[i, 1], half[i, 0] + slack, half[i, 1] + slack
                     corners = walls.corners[w, : walls.sides[w]]

@@ -16,7 +16,7 @@ import pymunk.batch
 from numpy.typing import NDArray
 
 from lavsim.types import DT
-from lavsim.world.broadphase import LEVEL_GAP, Walls, walls_near
+from lavsim.world.broadphase import BODY_BAND, LEVEL_GAP, Walls, walls_near
 from lavsim.world.motion import WALKING
 
 _STATE_FIELDS = (
@@ -104,7 +104,9 @@ class Physics:
         self._has_wall = np.zeros(len(walls.sides), dtype=bool)
         self._awake: dict[int, tuple[pymunk.Body, bool]] = {}
         self._row_of_body: dict[int, int] = {}
+        self._wall_of: dict[pymunk.Shape, int] = {}
         self._height = np.zeros(0)
+        self._has_levels = has_levels
         if has_levels:
             self._space.on_collision(begin=self._part_levels)
 
@@ -190,7 +192,9 @@ class Physics:
             if not self._has_wall[wall]:
                 self._has_wall[wall] = True
                 corners = self._walls.corners[wall, : self._walls.sides[wall]]
-                self._enter(pymunk.Poly(self._space.static_body, corners.tolist()), _WALL)
+                shape = pymunk.Poly(self._space.static_body, corners.tolist())
+                self._enter(shape, _WALL)
+                self._wall_of[shape] = int(wall)
 
     def _enter(self, shape: pymunk.Poly, category: int) -> None:
         shape.friction, shape.elasticity, shape.filter = _FRICTION, _ELASTICITY, _FILTERS[category]
@@ -200,10 +204,15 @@ class Physics:
             self._space.add(shape.body, shape)
 
     def _part_levels(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
-        """Lets bodies on a bridge and below it pass through each other."""
-        first, second = (self._row_of_body.get(body.id, -1) for body in arbiter.bodies)
-        if first >= 0 and second >= 0 and abs(self._height[first] - self._height[second]) > LEVEL_GAP:
-            arbiter.process_collision = False
+        """Lets bodies on a bridge and what is below it pass through each other."""
+        rows = [self._row_of_body.get(body.id, -1) for body in arbiter.bodies]
+        walls = [self._wall_of[shape] for shape in arbiter.shapes if shape in self._wall_of]
+        if walls:
+            z = self._height[max(rows)]
+            low, high = self._walls.z[walls[0]]
+            arbiter.process_collision = bool(low < z + BODY_BAND[1] and high > z + BODY_BAND[0])
+        else:
+            arbiter.process_collision = bool(abs(self._height[rows[0]] - self._height[rows[1]]) <= LEVEL_GAP)
 
     def _space_order(self) -> NDArray[np.int64]:
         """Row of each body in the order in which the engine lists them; -1 is the static world."""
@@ -223,6 +232,7 @@ class Physics:
         rows = np.sort(rows, axis=1)
         rows = np.where(rows[:, :1] < 0, rows[:, ::-1], rows)  # the static world second
         apart = np.abs(self._height[rows[:, 0]] - self._height[rows[:, 1]]) > LEVEL_GAP
-        meets = ~apart | (rows[:, 1] < 0)
         impulse = np.sqrt(values[:, 0] ** 2 + values[:, 1] ** 2)
+        # The engine lists pairs that `_part_levels` let pass as well; against a wall they have no impulse.
+        meets = np.where(rows[:, 1] < 0, (impulse > 0.0) | (not self._has_levels), ~apart)
         return Contacts(rows[meets], impulse[meets], values[meets, 2:])

@@ -45,6 +45,7 @@ class World:
     Args:
         walls: Convex footprints `(M, 2)` of what vehicles collide with.
         has_levels: Whether roads pass over each other.
+        wall_z: (W, 2) bottom and top of each wall [m]; any height if not given.
 
     Attributes:
         table: What does not change about each row.
@@ -61,7 +62,12 @@ class World:
         grip: Share of a dry road's grip, see `lavsim.world.dynamics.road_grip`.
     """
 
-    def __init__(self, walls: Sequence[NDArray[np.float64]] = (), has_levels: bool = False) -> None:
+    def __init__(
+        self,
+        walls: Sequence[NDArray[np.float64]] = (),
+        has_levels: bool = False,
+        wall_z: NDArray[np.float64] | None = None,
+    ) -> None:
         self.count = 0
         self.tick = 0
         self.grip = 1.0
@@ -83,7 +89,7 @@ class World:
         self._gait = np.zeros(0)
         self._move = np.zeros((0, 3))
         self._found = np.zeros(0, dtype=bool)
-        self._walls = build_walls(walls)
+        self._walls = build_walls(walls, wall_z)
         self._scratch = make_scratch(0)
         self._physics = Physics(self._walls, has_levels)
         self._contacts = NO_CONTACTS

@@ -189,3 +189,44 @@ def test_what_stands_still_costs_and_says_nothing() -> None:
         seen.append(len(world._contacts.rows))
     assert sum(seen) > 0
     assert sum(seen[60:]) == 0
+
+
+@pytest.mark.parametrize(
+    ("z", "wall", "hits"),
+    [(0.0, (0.0, 3.0), True), (11.0, (0.0, 3.0), False), (11.0, (11.0, 11.8), True), (0.0, (5.0, 6.0), False),
+     (0.0, (0.0, 0.2), False), (8.0, (7.9, 9.0), True)],
+)  # fmt: skip
+@pytest.mark.parametrize("pushed", [False, True])
+def test_walls_stop_only_what_is_at_their_height(z: float, wall: tuple[float, float], hits: bool, pushed: bool) -> None:
+    """Also in the engine's own hands: pushed by another car it meets only walls of its level."""
+    polygon = np.array([[20.0, -5.0], [21.0, -5.0], [21.0, 5.0], [20.0, 5.0]])
+    world = World([polygon], has_levels=True, wall_z=np.array([wall]))
+    world.spawn(1, EGO, np.array([0.0, 0.0, z]), 0.0, Role.EGO)
+    if pushed:
+        world.spawn(2, BLUEPRINTS["vehicle.audi.tt"], np.array([12.0, 0.0, z]), 0.0, Role.PARKED)
+    met = False
+    for _ in range(60):
+        world.body[0, 0] = world.command[0, 0] = 20.0
+        world.step()
+        met |= bool(np.any(world._contacts.rows[:, 1] < 0))
+    assert met == hits
+    assert (world.pose[0, 0] > 30.0) != hits
+
+
+def test_the_towns_scenery_stops_a_car_that_leaves_the_road() -> None:
+    """Static layout: what scenery calls solid. Driven straight on from any lane, a car ends at something."""
+    from lavsim.map.town_map import load_town
+
+    town = load_town("us_large_a")
+    prisms = town.scenery.prisms
+    solid = np.flatnonzero(prisms.solid)
+    walls = [prisms.vertices[k, : prisms.count[k]] for k in solid]
+    world = World(walls, wall_z=np.stack([prisms.z0[solid], prisms.z1[solid]], axis=1))
+    house = int(np.argmax(np.ptp(prisms.vertices[solid, :, 0], axis=1)))
+    middle = prisms.vertices[solid[house]].mean(axis=0)
+    world.spawn(1, EGO, np.array([middle[0], middle[1] - 60.0, 0.0]), np.pi / 2.0, Role.EGO)
+    for _ in range(120):
+        world.command[0, 0] = 12.0
+        world.step()
+    assert world.touched[0] >= 0
+    assert world.pose[0, 1] < middle[1]
