@@ -20,7 +20,7 @@ from lavsim.world.weather import Weather
 
 @dataclass(frozen=True)
 class Body:
-    """One actor of a hand-made snapshot; angles in rad, lights as `VehicleLight` bits."""
+    """One actor of a hand-made snapshot; angles in rad, lights as `VehicleLight` bits, gait in 2^-8 step."""
 
     id: int
     x: float = 0.0
@@ -35,6 +35,8 @@ class Body:
     colour: tuple[int, int, int] = (180, 30, 30)
     blueprint: str = "vehicle.seat.leon"
     lights: int = 0
+    doors: int = 0
+    gait: int = 0
 
 
 EGO = Body(id=1, role=Role.EGO, size=(4.902, 2.128, 1.511), colour=(40, 60, 120), blueprint="vehicle.lincoln.mkz_2017")
@@ -56,7 +58,7 @@ def snapshot_of(
     speed = np.array([b.speed for b in bodies])
     velocity = np.stack([speed * np.cos(yaw), speed * np.sin(yaw), 0.0 * speed], axis=1)
     state = np.zeros((len(bodies), 3), np.int32)
-    state[:, 0] = [b.lights for b in bodies]
+    state[:] = [(b.lights, b.doors, b.gait) for b in bodies]
     return Snapshot(
         tick=tick,
         table=ActorTable.empty().extended(rows),

@@ -11,7 +11,7 @@ from lavsim.kernel import kernel
 from lavsim.map.prisms import Prisms
 from lavsim.render.frame import Mount
 from lavsim.render.ground import GroundRaster
-from lavsim.render.shapes import Look, Part, parts_of
+from lavsim.render.shapes import GAIT_UNIT, Look, Part, parts_of
 from lavsim.render.solids import Solids, joined, solids_of
 from lavsim.render.terrain import Terrain, level_terrain, terrain_of
 from lavsim.render.zbuffer import Buffers, Pinhole, Visibility, draw_visibility, new_buffers
@@ -25,7 +25,8 @@ class _Templates(NamedTuple):
     """Boxes of all rows of an actor table: those of row i are first[i] … first[i+1]-1."""
 
     first: NDArray[np.int32]
-    box: NDArray[np.float64]  # (P, 6) x, y, length, width, z0, z1 [m]
+    box: NDArray[np.float64]  # (P, 7) x, y, length, width, z0, z1, swing [m]
+    door: NDArray[np.int32]
     colour: NDArray[np.float32]
     material: NDArray[np.uint8]
     tag: NDArray[np.uint8]
@@ -145,7 +146,8 @@ def _templates(table: ActorTable) -> _Templates:
         first[i + 1] = len(rows)
     return _Templates(
         first,
-        np.array([(p.x, p.y, p.length, p.width, p.z0, p.z1) for p in rows], np.float64).reshape(-1, 6),
+        np.array([(p.x, p.y, p.length, p.width, p.z0, p.z1, p.swing) for p in rows], np.float64).reshape(-1, 7),
+        np.array([p.door for p in rows], np.int32),
         np.array([p.colour for p in rows], np.float32).reshape(-1, 3),
         np.array([p.material for p in rows], np.uint8),
         np.array([p.tag for p in rows], np.uint8),
@@ -156,8 +158,9 @@ def _templates(table: ActorTable) -> _Templates:
 def _place(templates, rows, ids, xyz, yaw, pitch, state):  # type: ignore[no-untyped-def]
     """Columns of `Solids` for the actors present; a pitched actor's boxes lean with the slope, their sides upright."""
     total = 0
-    for row in rows:
-        total += templates.first[row + 1] - templates.first[row]
+    for i in range(len(rows)):
+        for part in range(templates.first[rows[i]], templates.first[rows[i] + 1]):
+            total += templates.door[part] == 0 or (templates.door[part] & state[i, 1]) != 0
     xy, centre, radius = np.zeros((total, 8, 2)), np.empty((total, 2)), np.empty(total)
     z0, z1 = np.empty(total), np.empty(total)
     tag, material = np.empty(total, np.uint8), np.empty(total, np.uint8)
@@ -167,17 +170,21 @@ def _place(templates, rows, ids, xyz, yaw, pitch, state):  # type: ignore[no-unt
     k = 0
     for i in range(len(rows)):
         c, s, rise = np.cos(yaw[i]), np.sin(yaw[i]), np.tan(pitch[i])
+        step = np.sin(state[i, 2] * GAIT_UNIT)
         for part in range(templates.first[rows[i]], templates.first[rows[i] + 1]):
+            if templates.door[part] != 0 and (templates.door[part] & state[i, 1]) == 0:
+                continue
             box = templates.box[part]
+            x = box[0] + box[6] * step
             for corner in range(4):  # front left, front right, rear right, rear left
-                ahead = box[0] + (box[2] if corner < 2 else -box[2]) / 2.0
+                ahead = x + (box[2] if corner < 2 else -box[2]) / 2.0
                 aside = box[1] + (box[3] if corner in (1, 2) else -box[3]) / 2.0
                 xy[k, corner, 0] = xyz[i, 0] + c * ahead - s * aside
                 xy[k, corner, 1] = xyz[i, 1] + s * ahead + c * aside
-            centre[k, 0] = xyz[i, 0] + c * box[0] - s * box[1]
-            centre[k, 1] = xyz[i, 1] + s * box[0] + c * box[1]
+            centre[k, 0] = xyz[i, 0] + c * x - s * box[1]
+            centre[k, 1] = xyz[i, 1] + s * x + c * box[1]
             radius[k] = np.sqrt(box[2] * box[2] + box[3] * box[3]) / 2.0
-            level = xyz[i, 2] + rise * box[0]
+            level = xyz[i, 2] + rise * x
             z0[k], z1[k] = level + box[4], level + box[5]
             tilt[k, 0], tilt[k, 1] = rise * c, rise * s
             tag[k], material[k], colour[k] = templates.tag[part], templates.material[part], templates.colour[part]

@@ -6,6 +6,7 @@ between their wheels, as the beams of a real sensor find it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,6 +15,8 @@ from lavsim.render.solids import Material
 from lavsim.types import ActorClass, Tag
 
 Colour = tuple[int, int, int]
+
+GAIT_UNIT = 2.0 * math.pi / 256.0  # [rad] of a snapshot's gait phase
 
 BLACK: Colour = (22, 22, 24)
 GREY: Colour = (110, 112, 115)
@@ -34,6 +37,8 @@ class Part:
         colour: Red, green, blue.
         material: How its faces are painted.
         tag: What cameras call it.
+        door: Bit of the snapshot's open doors with which it is there; 0 always.
+        swing: How far it goes ahead and back with a walker's gait [m].
     """
 
     x: float
@@ -45,6 +50,16 @@ class Part:
     colour: Colour
     material: Material = Material.PLAIN
     tag: Tag = Tag.VEHICLE
+    door: int = 0
+    swing: float = 0.0
+
+    def is_there(self, doors: int) -> bool:
+        """Whether it shows with these doors open."""
+        return not self.door or bool(self.door & doors)
+
+    def ahead(self, gait: int) -> float:
+        """Where its centre is ahead of the actor's origin in a phase of the gait (2^-8 step) [m]."""
+        return self.x + self.swing * math.sin(gait * GAIT_UNIT)
 
 
 @dataclass(frozen=True)
@@ -74,6 +89,19 @@ def _axles(a: Look, at: float, diameter: float, clearance: float) -> tuple[Part,
     )
 
 
+DOOR_WIDTH, DOOR_THICKNESS = 0.95, 0.1  # [m] how far an open door stands out
+
+
+def _doors(a: Look, hinges: tuple[float, float], low: float, high: float) -> tuple[Part, ...]:
+    """Front left, front right, rear left, rear right door, wide open; hinges at shares of the length ahead."""
+    reach = (a.width + DOOR_WIDTH) / 2.0
+    return tuple(
+        Part(hinges[k // 2] * a.length, reach * (1 if k % 2 else -1), DOOR_THICKNESS, DOOR_WIDTH, low, high, a.colour,
+             door=1 << k)
+        for k in range(4)
+    )  # fmt: skip
+
+
 _COMPACT = ("micra", "cooper", "leon", "microlino", "isetta", "a2", "c3")
 _HIGH = ("patrol", "cybertruck", "grandtourer", "jeep")
 
@@ -88,6 +116,7 @@ def _car(a: Look) -> tuple[Part, ...]:
         Part(0.0, 0.0, a.length, a.width, clearance, waist, a.colour, Material.BODY),
         Part(shift * a.length, 0.0, share * a.length, 0.76 * a.width, waist, a.height, a.colour, Material.GLASS),
         *_axles(a, 0.3, 0.65, clearance),
+        *_doors(a, (0.16, -0.06), clearance + 0.1, 0.9 * a.height),
     )
 
 
@@ -101,6 +130,7 @@ def _van(a: Look) -> tuple[Part, ...]:
         Part(0.28 * a.length, 0.0, 0.28 * a.length, 0.92 * a.width, waist, 0.96 * a.height, a.colour, Material.GLASS),
         Part(-0.18 * a.length, 0.0, 0.64 * a.length, 0.96 * a.width, waist, a.height, a.colour, box),
         *_axles(a, 0.31, 0.7, 0.28),
+        *_doors(a, (0.3, 0.1), 0.4, 0.9 * a.height),
     )
 
 
@@ -114,6 +144,7 @@ def _truck(a: Look) -> tuple[Part, ...]:
         Part(front - 0.02, 0.0, cab - 0.04, 0.98 * a.width, 0.5 * top, top, a.colour, Material.GLASS),
         Part(-(a.length - load) / 2.0, 0.0, load, a.width, 0.95, a.height, WHITE),
         *_axles(a, 0.33, 1.0, 0.45),
+        *_doors(a, (0.44, 0.26), 0.5, 0.9 * top)[:2],
     )
 
 
@@ -161,11 +192,19 @@ def _bicycle(a: Look) -> tuple[Part, ...]:
     )
 
 
+STRIDE = 0.2  # [m] how far a foot goes ahead of the hip
+LEG_GAP = 0.04  # [m]
+
+
 def _walker(a: Look) -> tuple[Part, ...]:
-    """Legs, torso and head; the head is narrower, the torso as wide as the box."""
+    """Two legs that walk, torso and head; the head is narrower, the torso as wide as the box."""
     hip, neck = 0.47 * a.height, 0.84 * a.height
+    leg = (0.7 * a.width - LEG_GAP) / 2.0
+    side, stride = (leg + LEG_GAP) / 2.0, STRIDE * a.height / 1.8
+    trousers = TROUSERS[a.id % len(TROUSERS)]
     return (
-        Part(0.0, 0.0, 0.6 * a.length, 0.7 * a.width, 0.0, hip, TROUSERS[a.id % len(TROUSERS)], tag=Tag.PEDESTRIAN),
+        Part(0.0, -side, 0.6 * a.length, leg, 0.0, hip, trousers, tag=Tag.PEDESTRIAN, swing=stride),
+        Part(0.0, side, 0.6 * a.length, leg, 0.0, hip, trousers, tag=Tag.PEDESTRIAN, swing=-stride),
         Part(0.0, 0.0, 0.66 * a.length, a.width, hip, neck, a.colour, tag=Tag.PEDESTRIAN),
         Part(0.02, 0.0, 0.5 * a.length, 0.45 * a.width, neck, a.height, SKINS[a.id % 4], tag=Tag.PEDESTRIAN),
     )

@@ -98,7 +98,8 @@ def test_road_line_lies_in_the_middle_of_the_front_image() -> None:
 @pytest.mark.parametrize("name", sorted(BLUEPRINTS))
 def test_shapes_fill_their_box_and_stay_inside(name: str) -> None:
     blueprint = BLUEPRINTS[name]
-    parts = parts_of(blueprint.actor_class, Look(*blueprint.size, (100, 100, 100), name, 7))
+    every = parts_of(blueprint.actor_class, Look(*blueprint.size, (100, 100, 100), name, 7))
+    parts = [part for part in every if part.is_there(doors=0)]
     length, width, height = blueprint.size
     for part in parts:
         assert abs(part.x) + part.length / 2.0 <= length / 2.0 + 1e-6
