@@ -14,7 +14,7 @@ from lavsim.render.frame import Mount, Pose
 from lavsim.render.ground import TAG_OF_SURFACE, surface_at
 from lavsim.render.look import look_of
 from lavsim.render.scene import Scene
-from lavsim.render.shade import shade
+from lavsim.render.shade import faces_of, ground_of, shade
 from lavsim.render.zbuffer import Pinhole, Visibility
 from lavsim.types import Tag, VehicleLight
 from lavsim.world.snapshot import Snapshot
@@ -61,20 +61,21 @@ class CameraView:
         return Pinhole(self.width, self.height, float(self.width / (2.0 * np.tan(self.fov / 2.0))))
 
     def render(self, snapshot: Snapshot, scene: Scene, draws: Draws | None = None) -> CameraImages:
-        """All images; the look `fast` draws nothing at random, so `draws` is not used yet."""
+        """All images; `draws` are the camera's, for the noise of colours."""
         tags, instance = self.labels(snapshot, scene)
-        return CameraImages(self.colour(snapshot, scene), tags, self.depth(snapshot, scene), instance)
+        return CameraImages(self.colour(snapshot, scene, draws), tags, self.depth(snapshot, scene), instance)
 
-    def colour(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.uint8]:
+    def colour(self, snapshot: Snapshot, scene: Scene, draws: Draws | None = None) -> NDArray[np.uint8]:
         """(H, W, 4) uint8 blue, green, red, alpha."""
         view = scene.view(snapshot, self.lens, self.mount)
         look = look_of(snapshot.weather)
         beams = bool(snapshot.state[0, 0] & (VehicleLight.LOW_BEAM | VehicleLight.HIGH_BEAM))
         ego = snapshot.ego
         strength = _HEADLIGHTS * look.night if beams and look.night > 0.3 else 0.0
+        faces = faces_of(view, scene.statics, scene.actors(snapshot), look, snapshot.lights)
         return shade(
-            view, self.lens, self.mount.pose(snapshot), scene.statics, scene.actors(snapshot), scene.terrain, look,
-            snapshot.lights, (ego.x, ego.y, ego.yaw, strength), snapshot.tick,
+            view, self.lens, self.mount.pose(snapshot), faces, ground_of(scene.terrain), look,
+            (ego.x, ego.y, ego.yaw, strength), snapshot.tick, draws,
         )  # fmt: skip
 
     def depth(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.float32]:

@@ -1,4 +1,8 @@
-"""Light, sky, fog and paint of the look `fast`, worked out once for each weather."""
+"""Light, sky, air and paint of a weather, worked out once for each.
+
+Cameras have two looks. `fast`: materials by class in the light of sun and sky, lamps, air and the noise of exposure.
+`full` adds shadows, texture, wet mirrors, rain, and the light of lamps on what is around them.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,8 @@ from lavsim.world.weather import Weather
 
 Floats = NDArray[np.float32]
 
+LOOKS = ("fast", "full")
 SKY_STEPS = 256
-FOG_STEPS = 1024  # [m] of tabulated transmission
 
 
 class Swatch(IntEnum):
@@ -40,18 +44,19 @@ class Swatch(IntEnum):
 
 
 class Look(NamedTuple):
-    """What the shading kernel reads; colours are red, green, blue, 0 to 255, light is a factor a channel.
+    """What the shading kernels read; colours are red, green, blue, 0 to 255, light is a factor a channel.
 
     Attributes:
         sun: (3,) direction towards the sun or moon.
         sunlight, ambient: (3,) light on a face across the sun, and from everywhere.
         sky: (SKY_STEPS, 3) colours over the rise of a ray (rise over run along the optical axis), 0 to 1.
         haze: (3,) what distance fades into.
-        transmission: (FOG_STEPS,) share of light left after so many metres.
-        ground: (S, 3) lit colour of each `Surface`.
-        grain: (S,) strength of its texture.
+        air: (3,) loss of light in air and rain [1/m], in fog [1/m], and where fog begins [m].
+        ground: (S, 7) of each `Surface`: colour in the sun, share left in shadow a channel, strength of its grain.
         swatches: (S, 4) colour of each `Swatch`, and its glow: the share that fog does not take.
         night: 0 by day, 1 by night: lit windows, glowing lamps.
+        noise: Standard deviation of a pixel's noise, in its values.
+        wet, puddles, rain, clouds: 0 to 1.
     """
 
     sun: Floats
@@ -59,11 +64,15 @@ class Look(NamedTuple):
     ambient: Floats
     sky: Floats
     haze: Floats
-    transmission: Floats
+    air: Floats
     ground: Floats
-    grain: Floats
     swatches: Floats
     night: float
+    noise: float
+    wet: float
+    puddles: float
+    rain: float
+    clouds: float
 
 
 _GROUND = {
@@ -138,9 +147,6 @@ def look_of(weather: Weather) -> Look:
     ambient = ambient * (1.0 - 0.18 * low_sun * day)
     zenith, horizon = _sky_colours(day, low_sun, overcast)
     sun = _direction(np.radians(weather.sun_azimuth_angle), np.radians(max(altitude, 4.0)))
-    light = ambient + sunlight * max(float(sun[2]), 0.0)
-    paint = np.array([_GROUND[s][0] for s in Surface]) * light
-    soaked = np.array([1.0 - (0.38 if s is not Surface.TERRAIN else 0.2) * wet for s in Surface])
     rise = np.linspace(0.0, 1.0, SKY_STEPS)[:, None]
     return Look(
         sun=sun.astype(np.float32),
@@ -148,12 +154,24 @@ def look_of(weather: Weather) -> Look:
         ambient=ambient.astype(np.float32),
         sky=(horizon * (1.0 - rise**0.7) + zenith * rise**0.7).astype(np.float32),
         haze=horizon.astype(np.float32),
-        transmission=_transmission(weather).astype(np.float32),
-        ground=np.clip(paint * soaked[:, None], 0.0, 255.0).astype(np.float32),
-        grain=np.array([_GROUND[s][1] for s in Surface], np.float32),
+        air=_air(weather).astype(np.float32),
+        ground=_ground_paint(ambient, sunlight * max(float(sun[2]), 0.0), wet).astype(np.float32),
         swatches=_swatches(ambient, zenith).astype(np.float32),
         night=1.0 - day,
+        noise=1.2 + 2.6 * (1.0 - day) + 0.8 * overcast,
+        wet=wet,
+        puddles=min(weather.precipitation_deposits / 100.0, 1.0),
+        rain=min(weather.precipitation / 100.0, 1.0),
+        clouds=overcast,
     )
+
+
+def _ground_paint(ambient: NDArray[np.float64], sunlight: NDArray[np.float64], wet: float) -> NDArray[np.float64]:
+    light = ambient + sunlight
+    soaked = np.array([1.0 - (0.38 if s is not Surface.TERRAIN else 0.2) * wet for s in Surface])[:, None]
+    paint = np.clip(np.array([_GROUND[s][0] for s in Surface]) * light * soaked, 0.0, 255.0)
+    shadow = np.broadcast_to(ambient / light, paint.shape)
+    return np.column_stack([paint, shadow, [_GROUND[s][1] for s in Surface]])
 
 
 def _direction(azimuth: float, altitude: float) -> NDArray[np.float64]:
@@ -168,9 +186,12 @@ def _sky_colours(day: float, low_sun: float, overcast: float) -> tuple[NDArray[n
     return _mix((7, 9, 18), zenith * (1.0 - 0.25 * low_sun), day), _mix((24, 26, 36), horizon, day)
 
 
-def _transmission(weather: Weather) -> NDArray[np.float64]:
+def _air(weather: Weather) -> NDArray[np.float64]:
     """Air that is never quite clear, rain, and fog from its distance on."""
-    metres = np.arange(FOG_STEPS, dtype=np.float64)
-    air = (0.0005 + 0.004 * weather.precipitation / 100.0) * metres
-    fog = 0.05 * (weather.fog_density / 100.0) ** 2 * np.maximum(metres - weather.fog_distance, 0.0)
-    return np.exp(-air - fog)
+    return np.array(
+        [
+            0.0005 + 0.004 * weather.precipitation / 100.0,
+            0.05 * (weather.fog_density / 100.0) ** 2,
+            weather.fog_distance,
+        ]
+    )
