@@ -52,8 +52,9 @@ class Walkers:
         self._walkers = np.zeros(0, WALKER)
         if count > 0:
             self._walkers = self._spawn(get_footways(town), count, jaywalking)
-        self._crowds = make_crowds(64)
+        self._crowds = make_crowds(world.count)
         self._movers = np.zeros(0, np.int32)
+        self._seen: tuple[Floats, Actors, Floats] | None = None
 
     def __len__(self) -> int:
         return len(self._walkers)
@@ -68,19 +69,26 @@ class Walkers:
         """Lets every walker decide on this tick; writes the world's commands and the walkers' heights."""
         if not len(self._walkers):
             return
-        world, n = self._world, self._world.count
-        if len(self._movers) < n:
-            self._movers = np.zeros(2 * n, np.int32)
-            self._crowds = make_crowds(2 * n)
-        table = world.table
-        actors = Actors(
-            world.present[:n], world.motion[:n], world.pose[:n], world.velocity[:n], table.sizes, table.classes,
-            world.height[:n], world.lights[:n],
-        )  # fmt: skip
+        if lights is not self._signals.state:
+            self._signals = self._signals._replace(state=lights)
+        actors, command = self._look_at_world()
         walk(
-            self._ground, self._walkers, self._crowds, actors, self._signals._replace(state=lights), self._movers,
-            world.tick, world.command[:n],
+            self._ground, self._walkers, self._crowds, actors, self._signals, self._movers, self._world.tick, command
         )  # fmt: skip
+
+    def _look_at_world(self) -> tuple[Actors, Floats]:
+        """The arrays of the world, which stay the same until somebody is spawned, and its commands."""
+        world, n = self._world, self._world.count
+        if self._seen is None or self._seen[0] is not world.pose or len(self._seen[1].present) != n:
+            table = world.table
+            self._movers = np.zeros(n, np.int32)
+            self._crowds = make_crowds(n)
+            actors = Actors(
+                world.present[:n], world.motion[:n], world.pose[:n], world.velocity[:n], table.sizes, table.classes,
+                world.height[:n], world.lights[:n],
+            )  # fmt: skip
+            self._seen = (world.pose, actors, world.command[:n])
+        return self._seen[1], self._seen[2]
 
     def _spawn(self, footways: Footways, count: int, jaywalking: float) -> NDArray[np.void]:
         walkers, places, blueprints = np.zeros(count, WALKER), np.zeros((count, 4)), []
@@ -171,10 +179,10 @@ def _pose(ground: Ground, number: int, u: float, forward: bool, share: float) ->
     edge = ground.edge[number]
     points = ground.points[edge["first"] : edge["last"] + 1]
     row = min(round(u / float(edge["step"])), len(points) - 1)
-    x, y, z, yaw, low, high = points[row]
+    x, y, z, cos, sin, low, high = points[row]
     aside = float(np.clip(share * (high if forward else low), low, high))
-    heading = yaw if forward else yaw + np.pi
-    return float(x - aside * np.sin(yaw)), float(y + aside * np.cos(yaw)), float(z), float(heading)
+    heading = np.arctan2(sin, cos) if forward else np.arctan2(-sin, -cos)
+    return float(x - aside * sin), float(y + aside * cos), float(z), float(heading)
 
 
 def _blueprint(draws: Draws, actor_id: int) -> Blueprint:

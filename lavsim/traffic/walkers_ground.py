@@ -48,8 +48,8 @@ class Ground(NamedTuple):
         edge: (E,) records: nodes `a`, `b`; `kind`; rows `first` to `last` of `points`; rows of `crossed` and
             `approach`; `step` of the points, `length` and kerbs along the edge [m]; middle `x`, `y` and how far from
             it traffic matters [m].
-        points: (P, 6) x, y, z [m], yaw [rad], and how far to the left (negative) and right the middle of a walker may
-            be [m].
+        points: (P, 7) x, y, z [m], cosine and sine of the direction, and how far to the left (negative) and right the
+            middle of a walker may be [m].
         crossed: (K,) lanes crossed: `lane`, its `light` or -1, walkers are in the way from `enter` to `leave` [m].
         approach: (A,) lanes on which traffic comes to `crossed`: `rows` of `lane_points` from `row` on, `step` [m]
             apart; a place at `u` on it is `ahead` - u before the walkers' way [m], which takes `zone` [m]; `line` [m]
@@ -89,9 +89,8 @@ def get_ground(town: TownMap) -> Ground:
 
 def _with_room(town: TownMap, footways: Footways) -> Floats:
     """Points of all edges with the room to either side, beside what stands there."""
-    points = np.column_stack([footways.points[:, :4], -footways.points[:, 4], footways.points[:, 4]])
-    points[:, 4] = np.minimum(points[:, 4] + EDGE_MARGIN, -0.05)
-    points[:, 5] = np.maximum(points[:, 5] - EDGE_MARGIN, 0.05)
+    yaw, room = footways.points[:, 3], np.maximum(footways.points[:, 4] - EDGE_MARGIN, 0.05)
+    points = np.column_stack([footways.points[:, :3], np.cos(yaw), np.sin(yaw), -room, room])
     spots, owner = _outlines(town)
     if not len(spots) or not len(points):
         return points
@@ -102,7 +101,7 @@ def _with_room(town: TownMap, footways: Footways) -> Floats:
     spot = np.repeat(near, [len(hit) for hit in hits])
     at = np.array([p for hit in hits for p in hit], np.int64)
     gap = spots[spot, :2] - points[at, :2]
-    cos, sin = np.cos(points[at, 3]), np.sin(points[at, 3])
+    cos, sin = points[at, 3], points[at, 4]
     along, aside = gap[:, 0] * cos + gap[:, 1] * sin, gap[:, 1] * cos - gap[:, 0] * sin
     beside = (np.abs(along) < ROOM_BEHIND) & (np.abs(aside) < footways.points[at, 4] + POST_MARGIN)
     pairs = np.column_stack([at, owner[spot], np.zeros_like(at)])[beside]
@@ -123,14 +122,14 @@ def _spans(pairs: NDArray[np.int64], aside: Floats) -> list[tuple[tuple[int, int
 
 def _make_room(points: Floats, row: int, span: tuple[float, float]) -> None:
     """Leaves the wider side of what covers `span` at a point."""
-    low, high = points[row, 4], points[row, 5]
+    low, high = points[row, 5], points[row, 6]
     left, right = span[0] - POST_MARGIN, span[1] + POST_MARGIN
     if left - low >= high - right:
-        points[row, 5] = min(high, left)
+        points[row, 6] = min(high, left)
     else:
-        points[row, 4] = max(low, right)
-    if points[row, 4] > points[row, 5]:  # too narrow: as far from it as there is ground
-        points[row, 4:6] = low if left - low >= high - right else high
+        points[row, 5] = max(low, right)
+    if points[row, 5] > points[row, 6]:  # too narrow: as far from it as there is ground
+        points[row, 5:] = low if left - low >= high - right else high
 
 
 def _outlines(town: TownMap) -> tuple[Floats, NDArray[np.int64]]:

@@ -159,12 +159,12 @@ def off_ground(ground: Ground, number: int, x: float, y: float, u: float) -> flo
     at = min(max(u, 0.0), edge.length)
     for _ in range(2):
         p = min(edge.first + int(at / edge.step + 0.5), edge.last)
-        cos, sin = math.cos(ground.points[p, 3]), math.sin(ground.points[p, 3])
+        cos, sin = ground.points[p, 3], ground.points[p, 4]
         dx, dy = x - ground.points[p, 0], y - ground.points[p, 1]
         along = (p - edge.first) * edge.step + dx * cos + dy * sin
         at = min(max(along, 0.0), edge.length)
     aside = dy * cos - dx * sin
-    over = max(ground.points[p, 4] - aside, aside - ground.points[p, 5], 0.0)
+    over = max(ground.points[p, 5] - aside, aside - ground.points[p, 6], 0.0)
     return over + max(-along, along - edge.length, 0.0)
 
 

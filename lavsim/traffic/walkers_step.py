@@ -34,23 +34,25 @@ LOOK_AHEAD, LOOK_TIME = 0.7, 0.5  # [m], [s] to the point that a walker heads fo
 AT_KERB = 0.5  # [m] from the kerb at which one waits
 OFF_KERB = 0.3  # [m] beyond it one is on the road
 JAYWALK_MARGIN = 1.0  # [s] more than at a crosswalk
+DECIDE_EVERY = 2  # ticks; half of the walkers decide in each
 LOOK_EVERY = 4  # ticks
-MOST_CHANGE = 0.35  # [m/s] of velocity in a tick: 7 m/s²
-BLOCKED_TICKS, BLOCKED_SPREAD = 50, 40  # after 2.5 to 4.5 s without a way through one turns round
+MOST_CHANGE = 0.6  # [m/s] of velocity from one decision to the next: 6 m/s²
+ALONE_TICKS = 4  # who had nobody within some metres looks round again after so long
+MOST_BLOCKED, BLOCKED_SPREAD = 25, 20  # decisions: after 2.5 to 4.5 s without a way through one turns round
 
 WALKER = np.dtype(
     [("key", "u8"), ("row", "i8"), ("hops", "i8"), ("since", "i8"), ("patience", "i8"), ("pause", "i8"),
-     ("blocked", "i8"), ("edge", "i4"), ("next", "i4"), ("forward", "i4"), ("next_forward", "i4"),
+     ("blocked", "i8"), ("alone", "i8"), ("edge", "i4"), ("next", "i4"), ("forward", "i4"), ("next_forward", "i4"),
      ("crossing", "i4"), ("jaywalks", "i4"), ("arrived", "i4"), ("blocker", "i4"), ("u", "f8"), ("speed", "f8"),
      ("share", "f8")]
 )  # fmt: skip
 """One background walker.
 
 `key` and `hops` choose its ways; `row` in the world; `since` the tick at which it came to a kerb, -1; `patience` and
-`pause` there [ticks]; `blocked` for how long it found no way [ticks]; `edge`, place `u` on it [m] and whether it is
-walked `forward`; the `next` edge and its direction; whether it is `crossing` a road; whether it `jaywalks`; whether it
-has `arrived` on the next edge; row of the vehicle that is its `blocker` at a kerb, -1; `speed` [m/s]; the `share` of
-the room to its right that it keeps to.
+`pause` there [ticks]; `blocked` for how many decisions it found no way; it is `alone` until that tick; `edge`, place
+`u` on it [m] and whether it is walked `forward`; the `next` edge and its direction; whether it is `crossing` a road;
+whether it `jaywalks`; whether it has `arrived` on the next edge; row of the vehicle that is its `blocker` at a kerb,
+-1; `speed` [m/s]; the `share` of the room to its right that it keeps to.
 """
 
 _SIDEWALK, _CROSSING, _JAYWALK = int(FootwayKind.SIDEWALK), int(FootwayKind.CROSSING), int(FootwayKind.JAYWALK)
@@ -95,12 +97,9 @@ def _weight(ground: Ground, walkers: NDArray[np.void], i: int, edge: int) -> flo
 def _along(ground: Ground, number: int, u: float, x: float, y: float) -> float:
     """Place on an edge nearest to (x, y), searched from `u` [m]."""
     edge = ground.edge[number]
-    for _ in range(2):
-        p = min(edge.first + int(u / edge.step + 0.5), edge.last)
-        yaw = ground.points[p, 3]
-        ahead = (x - ground.points[p, 0]) * math.cos(yaw) + (y - ground.points[p, 1]) * math.sin(yaw)
-        u = min(max((p - edge.first) * edge.step + ahead, 0.0), edge.length)
-    return u
+    p = min(edge.first + int(u / edge.step + 0.5), edge.last)
+    ahead = (x - ground.points[p, 0]) * ground.points[p, 3] + (y - ground.points[p, 1]) * ground.points[p, 4]
+    return min(max((p - edge.first) * edge.step + ahead, 0.0), edge.length)
 
 
 @kernel
@@ -165,13 +164,14 @@ def _aim(ground: Ground, walkers: NDArray[np.void], i: int, ahead: float) -> tup
     at = min(max(place if forward else length - place, 0.0), length) / edge.step
     p = min(edge.first + int(at), edge.last - 1)
     part = at - (p - edge.first)
-    yaw = ground.points[p, 3] + (ground.points[p + 1, 3] - ground.points[p, 3]) * part
+    cos = ground.points[p, 3] + (ground.points[p + 1, 3] - ground.points[p, 3]) * part
+    sin = ground.points[p, 4] + (ground.points[p + 1, 4] - ground.points[p, 4]) * part
     q = min(edge.first + int(at + 0.5), edge.last)
-    low, high = ground.points[q, 4], ground.points[q, 5]
+    low, high = ground.points[q, 5], ground.points[q, 6]
     aside = min(max(w.share * (high if forward else low), low), high)
     x = ground.points[p, 0] + (ground.points[p + 1, 0] - ground.points[p, 0]) * part
     y = ground.points[p, 1] + (ground.points[p + 1, 1] - ground.points[p, 1]) * part
-    return x - aside * math.sin(yaw), y + aside * math.cos(yaw), leads_on
+    return x - aside * sin, y + aside * cos, leads_on
 
 
 @kernel
@@ -187,9 +187,6 @@ def _look(
 ) -> None:
     """What walker `i` does about the road that its edge leads over: waits, sets out, gives up, or has got across."""
     w = walkers[i]
-    kind = ground.edge[w.edge].kind
-    if kind == _SIDEWALK:
-        return
     done = _done(ground, walkers, i)
     low, high = _kerbs(ground, w.edge, w.forward)
     if done >= high:
@@ -203,8 +200,8 @@ def _look(
         waited = tick - w.since
         if waited > w.patience:
             _turn_round(ground, walkers, i)
-        elif waited >= w.pause and (tick + w.row) % LOOK_EVERY == 0:
-            margin = TIME_MARGIN + (JAYWALK_MARGIN if kind == _JAYWALK else 0.0)
+        elif waited >= w.pause and _is_its_turn(w.key, tick, LOOK_EVERY):
+            margin = TIME_MARGIN + (JAYWALK_MARGIN if ground.edge[w.edge].kind == _JAYWALK else 0.0)
             place = (w.edge, w.forward == 1, done)
             pace = CROSSING_PACE * w.speed
             free, blocker = may_cross(ground, actors, movers, moving, signals, tick, place, pace, margin, w.blocker)
@@ -224,8 +221,8 @@ def _wish(ground: Ground, walkers: NDArray[np.void], i: int, x: float, y: float)
     gap = math.sqrt(dx * dx + dy * dy)
     if leads_on:
         edge = ground.edge[w.edge]
-        yaw = ground.points[min(edge.first + int(w.u / edge.step + 0.5), edge.last), 3]
-        before = (dx * math.cos(yaw) + dy * math.sin(yaw)) * (1.0 if w.forward else -1.0)
+        p = min(edge.first + int(w.u / edge.step + 0.5), edge.last)
+        before = (dx * ground.points[p, 3] + dy * ground.points[p, 4]) * (1.0 if w.forward else -1.0)
         w.arrived = 1 if before < ABREAST else 0
     if gap < 0.05:
         return 0.0, 0.0
@@ -272,6 +269,12 @@ def _height(ground: Ground, walkers: NDArray[np.void], i: int) -> float:
 
 
 @kernel
+def _is_its_turn(key: np.uint64, tick: int, every: int) -> bool:
+    """Whether the walker with this key has its turn, one tick in `every`."""
+    return (np.uint64(tick) + key) % np.uint64(every) == 0
+
+
+@kernel
 def _ease(before: float, after: float) -> float:
     return before + min(max(after - before, -MOST_CHANGE), MOST_CHANGE)
 
@@ -305,19 +308,25 @@ def walk(
     near = np.empty(MOST_NEAR, np.int32)
     for i in range(len(walkers)):
         row = walkers[i].row
+        if not _is_its_turn(walkers[i].key, tick, DECIDE_EVERY):
+            continue
         if not actors.present[row] or actors.motion[row] != WALKING:
             continue
         x, y = actors.pose[row, 0], actors.pose[row, 1]
         _advance(ground, walkers, i, x, y)
         actors.height[row] = _height(ground, walkers, i)
-        _look(ground, walkers, i, actors, movers, moving, signals, tick)
+        if ground.edge[walkers[i].edge].kind != _SIDEWALK:
+            _look(ground, walkers, i, actors, movers, moving, signals, tick)
         wish = _wish(ground, walkers, i, x, y)
         pace = math.sqrt(wish[0] ** 2 + wish[1] ** 2)
         vx, vy = wish
         if pace > 0.0:
             if walkers[i].crossing:
                 vx, vy = _flee(actors, movers, moving, row, wish)
-            count = find_near(crowds, actors, row, near)
+            count = 0
+            if tick >= walkers[i].alone:
+                count = find_near(crowds, actors, row, near)
+                walkers[i].alone = tick + (ALONE_TICKS if count == 0 else 0)
             if count > 0 and (vx != 0.0 or vy != 0.0):
                 w = walkers[i]
                 begin = 0.0 if w.next_forward else ground.edge[w.next].length
@@ -333,7 +342,7 @@ def _be_patient(ground: Ground, walkers: NDArray[np.void], i: int, wished: float
     w = walkers[i]
     if wished > 0.4 and chosen < 0.3 * wished:
         w.blocked += 1
-        if w.blocked > BLOCKED_TICKS + int(w.key % np.uint64(BLOCKED_SPREAD)):
+        if w.blocked > MOST_BLOCKED + int(w.key % np.uint64(BLOCKED_SPREAD)):
             _turn_round(ground, walkers, i)
     else:
         w.blocked = max(w.blocked - 1, 0)
