@@ -79,6 +79,9 @@ def score(
     rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1 or bench2drive.")] = "1.0",
     seed: Annotated[int, typer.Option(help="Root of everything that is drawn.")] = 0,
     route_ids: Annotated[str | None, typer.Option(help="Some routes of the file: '0,3-5'.")] = None,
+    scenarios_json: Annotated[
+        Path | None, typer.Option("--scenarios-json", help="Hazards of 1.0, matched with the routes.")
+    ] = None,
     repetitions: Annotated[int, typer.Option(help="Drives of each route.")] = 1,
     track: Annotated[str | None, typer.Option(help="Track the agent must be on; its own by default.")] = None,
     traffic: Annotated[str | None, typer.Option(help="leaderboard, lav or empty, where the file names none.")] = None,
@@ -102,6 +105,7 @@ def score(
         rules=rules,
         seed=seed,
         route_ids=route_ids,
+        scenarios_json=scenarios_json,
         repetitions=repetitions,
         track=track,
         traffic=traffic,
@@ -387,15 +391,38 @@ def scenarios(as_json: AsJson = False) -> None:
 
 @app.command()
 def show(
-    what: Annotated[str, typer.Argument(help="A town, a route file (or bundled name), or the folder of a run.")],
+    what: Annotated[
+        str, typer.Argument(help="A town, a route file (or bundled name), the folder of a run, or a *.lavlog.")
+    ],
     out: Annotated[Path | None, typer.Option(help="Folder for the pictures; runs/show by default.")] = None,
     route_ids: Annotated[str | None, typer.Option(help="Some routes of a file: '0,3-5'.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Of a log: the replay, one page for the browser.")] = None,
+    video: Annotated[Path | None, typer.Option(help="Of a log: a film, *.mp4, *.webm or *.gif.")] = None,
+    strip: Annotated[Path | None, typer.Option(help="Of a log: a film strip of a moment, *.png.")] = None,
+    sheet: Annotated[Path | None, typer.Option(help="Of a log: a contact sheet of a moment, *.png.")] = None,
+    at: Annotated[float | None, typer.Option(help="The moment [s]; the first infraction by default.")] = None,
+    begin: Annotated[float | None, typer.Option("--from", help="Where the film begins [s].")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Where the film ends [s].")] = None,
+    speed: Annotated[float, typer.Option(help="Of the film; 2 is twice as fast as the drive.")] = 1.0,
+    panes: Annotated[bool, typer.Option("--panes", help="Cameras and LiDAR beside replay and film.")] = False,
     town_path: TownPath = None,
 ) -> None:
-    """Draw a town, routes, or the drives of a run; prints the paths of the pictures."""
+    """Draw a town, routes, the drives of a run, or look at a recorded drive; prints the paths of the files."""
     search, folder = _towns_at(town_path), out or Path("runs/show")
     kind = _kind_of(what, search)
-    if kind == "town":
+    if kind == "log":
+        from lavsim.viewer.film import Cut
+        from leaderboard.show import Wish, show_log
+
+        if speed <= 0.0:
+            raise typer.BadParameter(f"--speed: expected more than 0, got {speed:g}")
+        stem = folder / Path(what).stem
+        if not (html or video or strip or sheet):
+            html, sheet = stem.with_suffix(".html"), stem.with_suffix(".png")
+        wish = Wish(html, video, strip, sheet, at, panes, Cut(begin, end, speed=speed, panes=panes))
+        with _Shares() as shares:
+            pictures = show_log(Path(what), wish, search, shares.update)
+    elif kind == "town":
         from lavsim.map.town_map import load_town
         from lavsim.render.birdseye import draw_town
         from lavsim.render.canvas import write_png
@@ -436,12 +463,14 @@ def _kind_of(what: str, search: tuple[Path, ...]) -> str:
 
     if Path(what).is_dir():
         return "run"
+    if what.endswith(".lavlog"):
+        return "log"
     names, files = town_names(search), route_files()
     if what in names:
         return "town"
     if what in files or what.endswith(".xml"):
         return "routes"
-    raise UnknownName("town, route file or run", what, [*names, *files])
+    raise UnknownName("town, route file, run or log", what, [*names, *files])
 
 
 def _towns_at(folders: list[Path] | None) -> tuple[Path, ...]:
@@ -484,6 +513,29 @@ def _print(content: Any) -> None:
     console = Console()
     # Into a file or a pipe the table keeps its own width instead of being folded at 80 columns.
     (console if console.is_terminal else Console(width=160)).print(content)
+
+
+class _Shares:
+    """Progress of one thing after another on stderr."""
+
+    def __enter__(self) -> _Shares:
+        from rich.console import Console
+        from rich.progress import Progress as Bars
+
+        self._bars = Bars(console=Console(stderr=True), transient=True)
+        self._tasks: dict[str, Any] = {}
+        if self._bars.console.is_terminal:
+            self._bars.start()
+        return self
+
+    def update(self, name: str, share: float) -> None:
+        if name not in self._tasks:
+            self._tasks[name] = self._bars.add_task(name, total=1.0)
+        self._bars.update(self._tasks[name], completed=share)
+
+    def __exit__(self, *_: object) -> None:
+        if self._bars.live.is_started:
+            self._bars.stop()
 
 
 class _Bar:

@@ -25,6 +25,7 @@ from leaderboard.record import RUN, Results
 from leaderboard.report.page import write_report
 from leaderboard.routes import RouteEntry, read_routes, select_routes
 from leaderboard.run import Run, claim_folder
+from leaderboard.scenario_files import read_scenarios, with_scenarios
 
 __all__ = ["EvaluationConfig", "OnProgress", "Progress", "evaluate"]
 
@@ -76,7 +77,9 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
             that is another one; nothing was driven.
     """
     rules = config.rule_set
-    entries = select_routes(read_routes(config.routes, config.scenarios_json), config.route_ids)
+    entries = select_routes(read_routes(config.routes), config.route_ids)
+    if config.scenarios_json is not None:
+        entries = with_scenarios(entries, read_scenarios(config.scenarios_json), config.town_path)
     find_agent(config.agent)
     if config.sensors is not None:
         find_suite(config.sensors)

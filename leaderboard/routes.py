@@ -18,7 +18,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from lavsim.errors import ConfigError, RouteError, UnknownName
+from lavsim.errors import RouteError, UnknownName
 from lavsim.scenarios.base import ScenarioSpec
 from lavsim.traffic.profiles import TRAFFIC_PROFILES
 from lavsim.world.weather import Weather, WeatherKeyframe
@@ -84,19 +84,16 @@ def route_files() -> list[str]:
     return sorted(name.removesuffix(".xml") for name in names if name.endswith(".xml"))
 
 
-def read_routes(source: str | Path, scenarios_json: str | Path | None = None) -> list[RouteEntry]:
+def read_routes(source: str | Path) -> list[RouteEntry]:
     """The routes of a packaged file ("devtest") or of the file at a path, in file order.
 
     Args:
         source: Name or path. What has a folder or the ending .xml is a path.
-        scenarios_json: A scenario file of the 1.0 format, to be matched with the routes.
 
     Raises:
         UnknownName: no packaged route file has this name.
         RouteError: the file can't be read, or is not a route file.
     """
-    if scenarios_json is not None:
-        raise ConfigError(f"{scenarios_json}: hazards of the 1.0 scenario format are not matched with routes yet")
     name, shown, data = _load(source)
     root = _parse(data, shown)
     if root.tag != "routes":
