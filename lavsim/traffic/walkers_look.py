@@ -79,7 +79,7 @@ def watch(signals: Signals, tick: int) -> None:
     """Notes which lights have become red and how long those that no longer are were."""
     for k in range(len(signals.state)):
         if signals.state[k] != signals.before[k]:
-            if signals.state[k] == _RED:
+            if signals.state[k] == _RED and signals.before[k] not in _DARK:
                 signals.since[k] = tick
             elif signals.before[k] == _RED and signals.since[k] > 0:
                 signals.red[k] = (tick - signals.since[k]) * DT
