@@ -11,10 +11,11 @@ from lavsim.kernel import kernel
 from lavsim.random import Draws
 from lavsim.render.faces import DECK_FACE
 from lavsim.render.frame import Mount, Pose
-from lavsim.render.ground import TAG_OF_SURFACE, surface_at
+from lavsim.render.ground import TAG_OF_SURFACE
 from lavsim.render.look import look_of
 from lavsim.render.scene import Scene
-from lavsim.render.shade import faces_of, ground_of, shade
+from lavsim.render.shade import BLOCK, cell_block, faces_of, ground_of, place_block, shade, surface_of
+from lavsim.render.tags import NEW_TAG, new_tags
 from lavsim.render.zbuffer import Pinhole, Visibility
 from lavsim.types import Tag, VehicleLight
 from lavsim.world.snapshot import Snapshot
@@ -65,8 +66,10 @@ class CameraView:
         tags, instance = self.labels(snapshot, scene)
         return CameraImages(self.colour(snapshot, scene, draws), tags, self.depth(snapshot, scene), instance)
 
-    def colour(self, snapshot: Snapshot, scene: Scene, draws: Draws | None = None) -> NDArray[np.uint8]:
-        """(H, W, 4) uint8 blue, green, red, alpha."""
+    def colour(
+        self, snapshot: Snapshot, scene: Scene, draws: Draws | None = None, look_name: str = "fast"
+    ) -> NDArray[np.uint8]:
+        """(H, W, 4) uint8 blue, green, red, alpha, in one of `LOOKS`."""
         view = scene.view(snapshot, self.lens, self.mount)
         look = look_of(snapshot.weather)
         beams = bool(snapshot.state[0, 0] & (VehicleLight.LOW_BEAM | VehicleLight.HIGH_BEAM))
@@ -82,18 +85,23 @@ class CameraView:
         """(H, W) float32 [m]."""
         return depth_of(scene.view(snapshot, self.lens, self.mount))
 
-    def labels(self, snapshot: Snapshot, scene: Scene) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-        """(H, W) uint8 tags and int32 actor ids."""
+    def labels(
+        self, snapshot: Snapshot, scene: Scene, table: str = "old"
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """(H, W) uint8 tags, by the `table` of `TAG_TABLES`, and int32 actor ids."""
         view = scene.view(snapshot, self.lens, self.mount)
         statics, actors = scene.statics, scene.actors(snapshot)
+        if table == "new":
+            tags = np.concatenate([NEW_TAG[statics.tag], new_tags(actors, snapshot)])
+            surfaces, sky = NEW_TAG[TAG_OF_SURFACE], NEW_TAG[Tag.SKY]
+        else:
+            tags, surfaces, sky = np.concatenate([statics.tag, actors.tag]), TAG_OF_SURFACE, np.uint8(Tag.SKY)
         solid = view.faces.solid
-        tag = np.concatenate([statics.tag, actors.tag])[solid]
         instance = np.concatenate([statics.instance, actors.instance])[solid]
         pose: Pose = self.mount.pose(snapshot)
         return _labels(
-            view.face, view.inverse_depth, self.lens.focal, pose.origin, pose.axes,
-            scene.ground.classes, scene.ground.origin, scene.terrain.deck_raster.classes,
-            scene.terrain.deck_raster.origin, 1.0 / scene.ground.resolution, TAG_OF_SURFACE, tag, instance,
+            view.face, view.inverse_depth, self.lens.focal, pose.origin, pose.axes, ground_of(scene.terrain), surfaces,
+            sky, tags[solid], instance,
         )  # fmt: skip
 
     def project(self, points: NDArray[np.float64], snapshot: Snapshot) -> NDArray[np.float64]:
@@ -111,35 +119,41 @@ def depth_of(view: Visibility) -> NDArray[np.float32]:
         return np.minimum(np.float32(1.0) / view.inverse_depth, np.float32(SKY_DEPTH))
 
 
-_SKY = int(Tag.SKY)
+@kernel
+def _labels(  # type: ignore[no-untyped-def]
+    face, inverse_depth, focal, origin, axes, ground, tag_of_surface, tag_of_sky, tag, instance
+):
+    height, width = face.shape
+    rows = max(1, BLOCK // width)
+    place, cells = np.empty((4, rows * width), np.float32), np.empty((2, rows * width), np.int32)
+    tags, instances = np.empty(height * width, np.uint8), np.empty(height * width, np.int32)
+    face, inverse = face.ravel(), inverse_depth.ravel()
+    for row in range(0, height, rows):
+        begin, end = row * width, min(row + rows, height) * width
+        place_block(inverse[begin:end], row, width, height, focal, origin, axes, place)
+        cell_block(end - begin, place, ground, cells)
+        _label_block(face[begin:end], inverse[begin:end], place, cells, ground, tag_of_surface, tag_of_sky, tag,
+                     instance, tags[begin:end], instances[begin:end])  # fmt: skip
+    return tags.reshape(height, width), instances.reshape(height, width)
 
 
 @kernel
-def _labels(  # type: ignore[no-untyped-def]
-    face, inverse_depth, focal, origin, axes, classes, corner, deck, deck_corner, per_metre, tag_of_surface, tag,
-    instance,
-):  # fmt: skip
-    height, width = face.shape
-    tags, instances = np.empty((height, width), np.uint8), np.empty((height, width), np.int32)
-    for row in range(height):
-        v = (row + 0.5 - height / 2.0) / focal
-        base_x, base_y = axes[0, 0] - v * axes[0, 2], axes[1, 0] - v * axes[1, 2]
-        for column in range(width):
-            f = face[row, column]
-            if f >= 0:
-                tags[row, column], instances[row, column] = tag[f], instance[f]
-                continue
-            instances[row, column] = 0
-            inverse = inverse_depth[row, column]
-            if inverse <= 0.0:
-                tags[row, column] = _SKY
-                continue
-            u = (column + 0.5 - width / 2.0) / focal
-            depth = 1.0 / inverse
-            x, y = origin[0] + depth * (base_x + u * axes[0, 1]), origin[1] + depth * (base_y + u * axes[1, 1])
-            if f == DECK_FACE:
-                surface = surface_at(deck, (x - deck_corner[0]) * per_metre, (y - deck_corner[1]) * per_metre)
-            else:
-                surface = surface_at(classes, (x - corner[0]) * per_metre, (y - corner[1]) * per_metre)
-            tags[row, column] = tag_of_surface[surface]
-    return tags, instances
+def _label_block(  # type: ignore[no-untyped-def]
+    face, inverse, place, cells, ground, tag_of_surface, tag_of_sky, tag, instance, tags, instances
+):
+    classes, deck, x, y, columns, rows = ground.classes, ground.deck, place[0], place[1], cells[0], cells[1]
+    for i in range(len(face)):
+        f = face[i]
+        if f >= 0:
+            tags[i], instances[i] = tag[f], instance[f]
+            continue
+        instances[i] = 0
+        if inverse[i] <= np.float32(0.0):
+            tags[i] = tag_of_sky
+        elif f == DECK_FACE:
+            scale = 2.0 * ground.per_metre
+            surface = surface_of(deck, int(np.floor((x[i] - ground.deck_x) * scale)),
+                                 int(np.floor((y[i] - ground.deck_y) * scale)))  # fmt: skip
+            tags[i] = tag_of_surface[surface]
+        else:
+            tags[i] = tag_of_surface[surface_of(classes, columns[i], rows[i])]

@@ -146,7 +146,8 @@ def _shade(  # type: ignore[no-untyped-def]
     for row in range(0, height, rows):
         begin, end = row * width, min(row + rows, height) * width
         place_block(inverse[begin:end], row, width, height, focal, origin, axes, place)
-        cell_block(end - begin, place, ground, cells, grain)
+        cell_block(end - begin, place, ground, cells)
+        _grain_block(end - begin, cells, place[2], grain)
         _colour_block(face[begin:end], inverse[begin:end], width, origin[2], axes[2, 1] == 0.0, place, cells, grain,
                       ground, look, faces, blink, paint)  # fmt: skip
         if headlights[3] > 0.0:
@@ -179,15 +180,23 @@ def place_block(inverse, first_row, width, height, focal, origin, axes, place): 
 
 
 @kernel
-def cell_block(count, place, ground, cells, grain):  # type: ignore[no-untyped-def]
-    """Half cells of the ground raster under pixels, and their grain, -1 to 1, weaker far away."""
-    x, y, depth, column_of, row_of = place[0], place[1], place[2], cells[0], cells[1]
+def cell_block(count, place, ground, cells):  # type: ignore[no-untyped-def]
+    """Half cells of the ground raster under pixels."""
+    x, y, column_of, row_of = place[0], place[1], cells[0], cells[1]
     corner_x, corner_y = np.float32(ground.x), np.float32(ground.y)
-    scale, reach, one = np.float32(2.0 * ground.per_metre), np.float32(_GRAIN_RANGE), np.float32(1.0)
+    scale = np.float32(2.0 * ground.per_metre)
     for i in range(count):
-        column, row = np.int32(np.floor((x[i] - corner_x) * scale)), np.int32(np.floor((y[i] - corner_y) * scale))
-        column_of[i], row_of[i] = column, row
-        grain[i] = cell_noise(column >> _TEXEL, row >> _TEXEL) * min(one, reach / depth[i])
+        column_of[i] = np.int32(np.floor((x[i] - corner_x) * scale))
+        row_of[i] = np.int32(np.floor((y[i] - corner_y) * scale))
+
+
+@kernel
+def _grain_block(count, cells, depth, grain):  # type: ignore[no-untyped-def]
+    """Grain of the ground, -1 to 1, weaker far away."""
+    column_of, row_of = cells[0], cells[1]
+    reach, one = np.float32(_GRAIN_RANGE), np.float32(1.0)
+    for i in range(count):
+        grain[i] = cell_noise(column_of[i] >> _TEXEL, row_of[i] >> _TEXEL) * min(one, reach / depth[i])
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lavsim.errors import UnknownName
@@ -45,3 +46,13 @@ def find_suite(name: str) -> tuple[SensorDict, ...]:
         return SUITES[name]
     except KeyError:
         raise UnknownName("sensor suite", name, SUITES) from None
+
+
+def with_look(suite: Sequence[Mapping[str, Any]], look: str) -> tuple[SensorDict, ...]:
+    """The suite with its colour cameras in `look`, but for those whose attributes name one."""
+    return tuple(
+        {**values, "attributes": {"look": look, **values.get("attributes", {})}}
+        if values.get("type") == "sensor.camera.rgb"
+        else dict(values)
+        for values in suite
+    )
