@@ -86,6 +86,9 @@ def score(
     track: Annotated[str | None, typer.Option(help="Track the agent must be on; its own by default.")] = None,
     traffic: Annotated[str | None, typer.Option(help="leaderboard, lav or empty, where the file names none.")] = None,
     sensors: Annotated[str | None, typer.Option(help="Suite rendered beside the agent's own sensors: lav.")] = None,
+    latency: Annotated[
+        str, typer.Option(help="Controls act late: ticks ('3'), a time ('0.12s'), or as measured in a run's folder.")
+    ] = "0",
     town_path: TownPath = None,
     workers: Annotated[int, typer.Option(help="Processes that drive side by side; the results are the same.")] = 1,
     cluster: Annotated[
@@ -96,6 +99,7 @@ def score(
 ) -> None:
     """Drive an agent over routes and score it by the leaderboard's rules."""
     from leaderboard.evaluator import EvaluationConfig, evaluate
+    from leaderboard.latency import latency_ticks
 
     config = EvaluationConfig.of(
         agent=agent,
@@ -110,6 +114,7 @@ def score(
         track=track,
         traffic=traffic,
         sensors=sensors,
+        latency=latency_ticks(latency),
         town_path=_towns_at(town_path),
         workers=workers,
         cluster=cluster,

@@ -18,7 +18,12 @@ _PACKAGES = ("numpy", "numba", "pymunk", "opencv-python-headless", "scipy", "sha
 
 
 def benchmark_id(
-    entries: Sequence[RouteEntry], digests: dict[str, str], traffic: Sequence[str], repetitions: int, rules: Rules
+    entries: Sequence[RouteEntry],
+    digests: dict[str, str],
+    traffic: Sequence[str],
+    repetitions: int,
+    rules: Rules,
+    latency: int = 0,
 ) -> str:
     """16 hex digits over towns, routes, traffic profiles, look and rules; equal for comparable runs alone.
 
@@ -28,14 +33,17 @@ def benchmark_id(
         traffic: Profile of each route.
         repetitions: Drives of each route.
         rules: What they are judged by.
+        latency: Ticks by which controls act late.
     """
-    content = {
+    content: dict[str, Any] = {
         "routes": [[entry.to_json(), profile] for entry, profile in zip(entries, traffic, strict=True)],
         "towns": sorted({entry.town: digests[entry.town] for entry in entries}.items()),
         "repetitions": repetitions,
         "look": LOOK,
         "rules": rules.version,
     }
+    if latency:
+        content["latency"] = latency
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 

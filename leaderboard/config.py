@@ -32,6 +32,7 @@ class EvaluationConfig(BaseModel):
     traffic: str | None = Field(None, description="profile for route files that name none; None: leaderboard")
     track: str | None = Field(None, description="track the agent must be on; None: its own")
     sensors: str | None = Field(None, description="suite that is rendered beside what the agent asks for")
+    latency: int = Field(0, ge=0, description="ticks by which an agent's controls act late")
     town_path: tuple[Path, ...] = Field((), description="folders with towns that are not bundled")
     overwrite: bool = Field(False, description="replace a run in the folder")
     resume: bool = Field(False, description="go on with the run in the folder")

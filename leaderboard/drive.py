@@ -22,6 +22,7 @@ from lavsim.sensors.suites import find_suite
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control
 from lavsim.world.snapshot import Snapshot
+from leaderboard.latency import PacedAgent
 from leaderboard.metrics import DriveMetrics, MetricsObserver
 from leaderboard.observer import CriteriaObserver, Verdict, judge
 from leaderboard.outcomes import DriveOutcome
@@ -54,6 +55,7 @@ class DriveTask:
         track: Track the agent must be on, or None.
         sensors: Suite rendered beside the agent's own, or None.
         town_path: Folders with towns.
+        latency: Ticks by which controls act late.
         out: Folder of the run.
         pictures: Whether a contact sheet is drawn.
     """
@@ -70,6 +72,7 @@ class DriveTask:
     track: str | None
     sensors: str | None
     town_path: tuple[Path, ...]
+    latency: int
     out: Path
     pictures: bool
 
@@ -140,8 +143,8 @@ def lost_drive(task: DriveTask, reason: str) -> DriveOutcome:
 
 _NOTHING: Mapping[str, Any] = {
     "town_digest": None, "agent_status": 0, "agent_message": None, "ticks": 0, "dense_length": 0.0,
-    "keypoint_length": 0.0, "completion": 0.0, "infractions": [], "setup_seconds": 0.0, "drive_seconds": 0.0,
-    "metrics": DriveMetrics().to_json(), "real_time_factor": 0.0, "log": None, "picture": None,
+    "keypoint_length": 0.0, "completion": 0.0, "infractions": [], "metrics": DriveMetrics().to_json(), "step_ms": None,
+    "setup_seconds": 0.0, "drive_seconds": 0.0, "real_time_factor": 0.0, "log": None, "picture": None,
 }  # fmt: skip
 
 
@@ -166,7 +169,7 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
     simulation = Simulation(task.spec())
     criteria.watch(simulation.town, simulation.route)
     metrics.watch(simulation.town, simulation.route)
-    agent = ChildAgent(task.agent, task.output, _environment(task.town_path))
+    agent = PacedAgent(ChildAgent(task.agent, task.output, _environment(task.town_path)), task.latency)
     sensors: list[dict[str, Any]] = []
     track: Track | None = None
     failure: AgentFailure | None = None
@@ -208,6 +211,7 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         "completion": verdict.completion,
         "infractions": [i.to_json() for i in sorted(verdict.infractions, key=lambda i: i.tick)],
         "metrics": metrics.metrics().to_json(),
+        "step_ms": agent.step_ms(),
         "setup_seconds": started - begun,
         "drive_seconds": ended - started,
         "real_time_factor": verdict.duration / max(ended - started, 1e-9),

@@ -89,7 +89,7 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
     profiles = [traffic_of(entry.traffic, config) for entry in entries]
     header = {
         "schema": RUN_SCHEMA,
-        "benchmark_id": benchmark_id(entries, digests, profiles, config.repetitions, rules),
+        "benchmark_id": benchmark_id(entries, digests, profiles, config.repetitions, rules, config.latency),
         "versions": versions(),
         "config": config.decisive(),
         "rules": rules.version,
@@ -232,6 +232,7 @@ def _tasks(entries: Sequence[RouteEntry], config: EvaluationConfig) -> Iterator[
                 track=config.track,
                 sensors=config.sensors,
                 town_path=config.town_path,
+                latency=config.latency,
                 out=config.out,
                 pictures=config.pictures,
             )

@@ -259,7 +259,7 @@ def without_clock_of_run(run: Run) -> dict[str, Any]:
     content = json.loads((run.folder / "run.json").read_text())
     del content["config"]["out"]
     for drive in content["drives"]:
-        for key in ("setup_seconds", "drive_seconds", "real_time_factor"):
+        for key in ("setup_seconds", "drive_seconds", "real_time_factor", "step_ms"):
             del drive[key]
     return dict(content)
 
