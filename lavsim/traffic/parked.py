@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -46,10 +46,11 @@ class Bay:
     width: float
     is_slot: bool
 
-    def outline(self, length: float, width: float) -> NDArray[np.float64]:
-        """Corners (4, 2) of a box of that size in its middle."""
-        x, y, _ = self.position
-        return box_corners(np.array([x]), np.array([y]), np.array([self.yaw]), np.array([length]), np.array([width]))[0]
+
+def _outlines(bays: Sequence[Bay], longer: float, wider: float) -> NDArray[np.float64]:
+    """Corners (B, 4, 2) of all bays, made longer and wider by so much [m]."""
+    x, y, yaw, length, width = np.array([(*b.position[:2], b.yaw, b.length, b.width) for b in bays]).T
+    return box_corners(x, y, yaw, length + longer, width + wider)
 
 
 @lru_cache(maxsize=16)
@@ -58,7 +59,7 @@ def parking_bays(town: TownMap) -> tuple[Bay, ...]:
     candidates = [*_lane_bays(town), *_slot_bays(town)]
     if not candidates:
         return ()
-    outlines = np.array([shapely.Polygon(bay.outline(bay.length - _GAP, bay.width)) for bay in candidates])
+    outlines = np.asarray(shapely.polygons(_outlines(candidates, -_GAP, 0.0)))
     free = ~_on_driving_lane(town, candidates)
     if town.crosswalks:
         walks = shapely.union_all([shapely.Polygon(polygon).buffer(1.0) for polygon in town.crosswalks])
@@ -140,7 +141,7 @@ def _slot_bays(town: TownMap) -> Iterator[Bay]:
 def _on_driving_lane(town: TownMap, bays: list[Bay]) -> NDArray[np.bool_]:
     """(B,) whether a car as large as the bay would stand on a driving lane."""
     inset = 2.0 * _OVER_LINE
-    corners = np.array([bay.outline(bay.length - _GAP - inset, bay.width - _SIDE - inset) for bay in bays])
+    corners = _outlines(bays, -_GAP - inset, -_SIDE - inset)
     sides = np.linspace(corners, np.roll(corners, -1, axis=1), 5, axis=2)[:, :, :-1].reshape(len(bays), -1, 2)
     inside = town.nearest(sides.reshape(-1, 2)).inside.reshape(len(bays), -1)
     below = np.any(inside, axis=1)
@@ -180,8 +181,9 @@ def _free(bays: list[Bay], world: World) -> list[Bay]:
     rows = np.flatnonzero(world.present[: world.count])
     pose, sizes = world.pose[rows], world.table.sizes[rows]
     others = box_corners(pose[:, 0], pose[:, 1], pose[:, 2], sizes[:, 0], sizes[:, 1])
-    spaces = np.array([shapely.Polygon(bay.outline(bay.length, bay.width + _CLEAR_OF_ACTORS)) for bay in bays])
-    bay_of, row_of = shapely.STRtree([shapely.Polygon(other) for other in others]).query(spaces, predicate="intersects")
+    spaces = np.asarray(shapely.polygons(_outlines(bays, 0.0, _CLEAR_OF_ACTORS)))
+    bodies = np.asarray(shapely.polygons(others))
+    bay_of, row_of = shapely.STRtree(bodies).query(spaces, predicate="intersects")
     heights = np.array([bay.position[2] for bay in bays])
     meets = np.abs(world.height[rows][row_of] - heights[bay_of]) < LEVEL_GAP
     taken = set(bay_of[meets].tolist())

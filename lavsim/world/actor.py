@@ -85,7 +85,7 @@ class Actor:
             self.world.command[self.row] = velocity
 
     def drive(self, speed: float, curvature: float = 0.0) -> None:
-        """Takes `speed` [m/s] on a path of `curvature` [1/m], as fast as its class can, until told otherwise."""
+        """Takes `speed` [m/s] on a path of `curvature` [1/m] until told otherwise, within 12 m/s²."""
         if self.world.motion[self.row] == DRIVEN:
             self.world.command[self.row] = speed, curvature
 
