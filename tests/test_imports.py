@@ -23,7 +23,7 @@ ALLOWED = {
 # Layers of lavsim, high to low; a module imports its own layer and those below. Names are parts of `lavsim.<name>`.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("__main__", "cli", "bench"),
-    ("episode",),
+    ("episode", "viewer"),
     ("isolation", "isolation_child"),
     ("agent", "agent_source", "carla_standin"),
     ("log",),
@@ -32,7 +32,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("traffic", "render"),
     ("world",),
     ("map", "towns"),
-    ("carla_types", "executor", "geometry", "registry", "messages", "config"),
+    ("carla_types", "drawings", "executor", "geometry", "registry", "messages", "config"),
     ("random", "kernel", "kernel_draws", "portable_math", "cache"),
     ("types",),
     ("errors",),

@@ -1,0 +1,1 @@
+"""Recorded drives for people: a replay that a browser opens, and films."""
