@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import math
 
+import numpy as np
+
 from lavsim.types import Control
 
 _LOG = logging.getLogger(__name__)
@@ -38,7 +40,7 @@ class ControlFilter:
         clamped = min(max(number, low), 1.0)
         if abs(clamped - number) > _ROUNDING:
             self._warn(name, number, low, f"took {clamped:g}")
-        return clamped
+        return float(np.float32(clamped))  # what the log holds is exactly what the world applies
 
     def _warn(self, name: str, value: float, low: float, done: str) -> None:
         if not self._has_warned:

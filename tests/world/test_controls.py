@@ -69,15 +69,20 @@ def test_a_value_that_is_no_number_keeps_the_last_one_and_one_warning_is_given(
 ) -> None:
     controls = ControlFilter()
     with caplog.at_level(logging.WARNING):
-        controls.clean(Control(throttle=0.4, steer=0.2))
+        controls.clean(Control(throttle=0.5, steer=0.25))
         assert not caplog.records
         kept = controls.clean(Control(throttle=math.nan, steer=math.inf, brake=-math.inf))
         clamped = controls.clean(Control(throttle=3.0, steer=-7.0))
-    assert kept == Control(throttle=0.4, steer=0.2)
+    assert kept == Control(throttle=0.5, steer=0.25)
     assert clamped == Control(throttle=1.0, steer=-1.0)
     assert [record.getMessage() for record in caplog.records] == [
-        "throttle must lie in [0, 1], got nan: kept 0.4; further values out of range are treated alike, silently."
+        "throttle must lie in [0, 1], got nan: kept 0.5; further values out of range are treated alike, silently."
     ]
+
+
+def test_what_is_applied_is_what_a_log_holds() -> None:
+    clean = ControlFilter().clean(Control(throttle=0.1, steer=-0.3, brake=0.7))
+    assert [clean.throttle, clean.steer, clean.brake] == [float(np.float32(v)) for v in (0.1, -0.3, 0.7)]
 
 
 def test_rounding_beyond_a_range_is_cut_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
