@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import ExitStack
 from functools import cache
 from unittest import mock
 
@@ -70,16 +71,24 @@ class Drive:
         places: (V, 2) lane and travelled length of each.
         seed: Of the drivers and vehicles.
         cycle: Durations of the lights.
+        blueprint: What all drive; drawn as for any traffic by default.
     """
 
     def __init__(
-        self, town: TownMap, places: NDArray[np.float64], seed: int = 0, cycle: LightCycle | None = None
+        self,
+        town: TownMap,
+        places: NDArray[np.float64],
+        seed: int = 0,
+        cycle: LightCycle | None = None,
+        blueprint: str | None = None,
     ) -> None:
         self.town = town
         self.world = World()
         ego = find_blueprint("vehicle.lincoln.mkz_2017")
         self.world.spawn(1, ego, np.array([-5e3, -5e3, 0.0]), 0.0, Role.EGO)
-        with mock.patch.object(population, "spawn_points", return_value=places):
+        with mock.patch.object(population, "spawn_points", return_value=places), ExitStack() as patches:
+            if blueprint:
+                patches.enter_context(mock.patch.object(Traffic, "_blueprint", return_value=find_blueprint(blueprint)))
             self.traffic = Traffic(town, self.world, Draws.of_seed(seed), len(places))
         self.lights = TrafficLights(len(town.lights), town.light_groups, cycle)
 
