@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from lavsim.map.footway_crossings import Crossed, DrivenLanes, Spine, crosswalk_spines, jaywalk_spines
 from lavsim.map.footway_strips import JOIN, LEVEL, Strip, links, point_tree, sidewalk_strips
 from lavsim.map.town_map import TownMap
+from lavsim.portable_math import snapped
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -232,13 +233,13 @@ class _Graph:
         ends = np.array([edge[:2] for edge in edges], np.int32).reshape(-1, 2)
         sizes = np.array([len(edge[3]) for edge in edges], np.int64)
         first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
-        points = np.concatenate([edge[3] for edge in edges]) if edges else np.zeros((0, 5))
-        length = np.array([np.hypot(*np.diff(edge[3][:, :2], axis=0).T).sum() for edge in edges])
+        points = snapped(np.concatenate([edge[3] for edge in edges])) if edges else np.zeros((0, 5))
+        length = snapped(np.array([np.hypot(*np.diff(edge[3][:, :2], axis=0).T).sum() for edge in edges]))
         at = np.argsort(ends.ravel(), kind="stable")
         crossed = [lane for edge in edges for lane in edge[5]]
         kind = np.array([edge[2] for edge in edges], np.int8)
         return Footways(
-            nodes=nodes,
+            nodes=snapped(nodes),
             node_first=np.searchsorted(ends.ravel()[at], np.arange(len(nodes) + 1)).astype(np.int32),
             node_edge=(at // 2).astype(np.int32),
             ends=ends,
@@ -247,11 +248,11 @@ class _Graph:
             first=first,
             step=length / np.maximum(sizes - 1, 1),
             points=points,
-            kerb=np.array([edge[4] for edge in edges]).reshape(-1, 2),
+            kerb=snapped(np.array([edge[4] for edge in edges]).reshape(-1, 2)),
             crossed_first=np.cumsum([0, *(len(edge[5]) for edge in edges)]).astype(np.int32),
             crossed_lane=np.array([lane.lane for lane in crossed], np.int32),
-            crossed_u=np.array([(lane.low, lane.high) for lane in crossed]).reshape(-1, 2),
-            crossed_way=np.array([(lane.enter, lane.leave) for lane in crossed]).reshape(-1, 2),
+            crossed_u=snapped(np.array([(lane.low, lane.high) for lane in crossed]).reshape(-1, 2)),
+            crossed_way=snapped(np.array([(lane.enter, lane.leave) for lane in crossed]).reshape(-1, 2)),
             crossed_light=np.array([lane.light for lane in crossed], np.int32),
             part=_parts(len(nodes), ends, kind, length),
         )

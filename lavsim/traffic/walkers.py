@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from lavsim.map.footways import FootwayKind, Footways, get_footways
 from lavsim.map.town_map import TownMap
+from lavsim.portable_math import atan2, snapped
 from lavsim.random import Draws
 from lavsim.traffic.walkers_ground import Ground, get_ground
 from lavsim.traffic.walkers_look import Actors, Signals
@@ -128,7 +129,7 @@ class Walkers:
         unit = draws.uniform(0, 6)
         walker = walkers[i]
         walker["key"] = self._draws.stream("ways", actor_id).key
-        walker["speed"] = float(np.clip(draws.normal(1, 1, SPEED, SPEED_SPREAD)[0], SLOWEST, FASTEST))
+        walker["speed"] = float(np.clip(snapped(draws.normal(1, 1, SPEED, SPEED_SPREAD))[0], SLOWEST, FASTEST))
         if unit[0] < RUNNERS:
             walker["speed"] = RUNNING[0] + (RUNNING[1] - RUNNING[0]) * unit[1]
         walker["share"] = KEEP_RIGHT[0] + (KEEP_RIGHT[1] - KEEP_RIGHT[0]) * unit[2]
@@ -181,7 +182,7 @@ def _pose(ground: Ground, number: int, u: float, forward: bool, share: float) ->
     row = min(round(u / float(edge["step"])), len(points) - 1)
     x, y, z, cos, sin, low, high = points[row]
     aside = float(np.clip(share * (high if forward else low), low, high))
-    heading = np.arctan2(sin, cos) if forward else np.arctan2(-sin, -cos)
+    heading = atan2(sin, cos) if forward else atan2(-sin, -cos)
     return float(x - aside * sin), float(y + aside * cos), float(z), float(heading)
 
 

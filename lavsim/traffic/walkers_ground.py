@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from lavsim.map.footways import FootwayKind, Footways, get_footways
 from lavsim.map.lane import DRIVABLE
 from lavsim.map.town_map import TownMap
+from lavsim.portable_math import snapped
 from lavsim.types import RoadOption
 
 Floats = NDArray[np.float64]
@@ -90,7 +91,7 @@ def get_ground(town: TownMap) -> Ground:
 def _with_room(town: TownMap, footways: Footways) -> Floats:
     """Points of all edges with the room to either side, beside what stands there."""
     yaw, room = footways.points[:, 3], np.maximum(footways.points[:, 4] - EDGE_MARGIN, 0.05)
-    points = np.column_stack([footways.points[:, :3], np.cos(yaw), np.sin(yaw), -room, room])
+    points = snapped(np.column_stack([footways.points[:, :3], np.cos(yaw), np.sin(yaw), -room, room]))
     spots, owner = _outlines(town)
     if not len(spots) or not len(points):
         return points
@@ -105,7 +106,7 @@ def _with_room(town: TownMap, footways: Footways) -> Floats:
     along, aside = gap[:, 0] * cos + gap[:, 1] * sin, gap[:, 1] * cos - gap[:, 0] * sin
     beside = (np.abs(along) < ROOM_BEHIND) & (np.abs(aside) < footways.points[at, 4] + POST_MARGIN)
     pairs = np.column_stack([at, owner[spot], np.zeros_like(at)])[beside]
-    for (row, _), span in _spans(pairs[:, :2], aside[beside]):
+    for (row, _), span in _spans(pairs[:, :2], snapped(aside[beside])):
         _make_room(points, row, span)
     return points
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
+from lavsim.portable_math import cos_sin
 from lavsim.traffic.walkers_ground import Ground
 from lavsim.types import DT, LightState, RoadOption, VehicleLight
 
@@ -165,7 +166,7 @@ def _bars(ground: Ground, actors: Actors, row: int, place: tuple[int, bool, floa
     """Whether a vehicle is on the way itself."""
     edge = ground.edge[place[0]]
     half_length, half_width = 0.5 * actors.sizes[row, 0] + 0.6, 0.5 * actors.sizes[row, 1] + 0.6
-    cos, sin = math.cos(actors.pose[row, 2]), math.sin(actors.pose[row, 2])
+    cos, sin = cos_sin(actors.pose[row, 2])
     for p in range(edge.first, edge.last + 1):
         along = (p - edge.first) * edge.step
         if along < edge.near_kerb or along > edge.far_kerb:
@@ -241,11 +242,11 @@ def _place_on(ground: Ground, actors: Actors, row: int, k: int) -> float:
             best, nearest = at, gap
         p += _STRIDE
     yaw = ground.lane_points[way.row + best, 3]
-    cos, sin = math.cos(yaw), math.sin(yaw)
+    cos, sin = cos_sin(yaw)
     dx, dy = x - ground.lane_points[way.row + best, 0], y - ground.lane_points[way.row + best, 1]
     if abs(dy * cos - dx * sin) > LANE_HALF or abs(dx * cos + dy * sin) > (_STRIDE + 1) * way.step + 1.0:
         return -1.0
-    if math.cos(actors.pose[row, 2] - yaw) < _WIDEST_ANGLE:
+    if cos_sin(actors.pose[row, 2] - yaw)[0] < _WIDEST_ANGLE:
         return -1.0
     return max(best * way.step + dx * cos + dy * sin, 0.0)
 
@@ -276,7 +277,7 @@ def time_to_hit(
         while t < min(first, DANGER_TIME):
             t += DANGER_STEP
             yaw += actors.velocity[row, 2] * DANGER_STEP
-            cos, sin = math.cos(yaw), math.sin(yaw)
+            cos, sin = cos_sin(yaw)
             cx, cy = cx + speed * cos * DANGER_STEP, cy + speed * sin * DANGER_STEP
             gx, gy = x + vx * t - cx, y + vy * t - cy
             if abs(gx * cos + gy * sin) < half_length and abs(gy * cos - gx * sin) < half_width:

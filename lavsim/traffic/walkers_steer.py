@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
+from lavsim.portable_math import cos_sin
 from lavsim.traffic.walkers_ground import Ground
 from lavsim.traffic.walkers_look import Actors
 from lavsim.types import ActorClass
@@ -126,7 +127,7 @@ def room(actors: Actors, own: int, other: int, x: float, y: float, t: float) -> 
     dy = y - actors.pose[other, 1] - actors.velocity[other, 1] * t
     if actors.classes[other] == _WALKER:
         return math.sqrt(dx * dx + dy * dy) - radius - 0.5 * BODY * actors.sizes[other, 0]
-    cos, sin = math.cos(actors.pose[other, 2]), math.sin(actors.pose[other, 2])
+    cos, sin = cos_sin(actors.pose[other, 2])
     ahead = max(abs(dx * cos + dy * sin) - 0.5 * actors.sizes[other, 0], 0.0)
     aside = max(abs(dy * cos - dx * sin) - 0.5 * actors.sizes[other, 1], 0.0)
     return math.sqrt(ahead * ahead + aside * aside) - radius
@@ -197,7 +198,7 @@ def make_way(
     pace = math.sqrt(vx * vx + vy * vy)
     chosen_x, chosen_y = vx, vy
     for a in range(len(_ANGLES)):
-        cos, sin = math.cos(_ANGLES[a]), math.sin(_ANGLES[a])
+        cos, sin = cos_sin(_ANGLES[a])
         for p in range(len(_PACES)):
             cx, cy = (wish[0] * cos - wish[1] * sin) * _PACES[p], (wish[0] * sin + wish[1] * cos) * _PACES[p]
             cost = (1.6 if _ANGLES[a] > 0.0 else 1.9) * abs(_ANGLES[a]) * _PACES[p] + 2.2 * (1.0 - _PACES[p])
