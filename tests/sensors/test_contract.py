@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ CAMERA = {"width": 48, "height": 40, "fov": 70.0}
 
 class _Town:
     name, digest, xodr, geo_reference, lights, marks = "Street", "0", "<OpenDRIVE/>", (0.0, 0.0), (), ()
+    bounds, crosswalks, signs = np.array([-50.0, -20.0, 50.0, 20.0]), (), ()
+    lanes = SimpleNamespace(type=np.zeros(0, np.int32), speed_limit=np.zeros(0), junction=np.zeros(0, np.int32))
 
 
 def scene() -> Scene:
