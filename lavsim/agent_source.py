@@ -207,20 +207,29 @@ def _nearest(name: str, known: Iterable[str]) -> str:
 
 
 def packaged_agents() -> list[tuple[str, str]]:
-    """Targets and one-line summaries of the agents in the package `agents`, read from their source."""
+    """Targets and one-line summaries of the agents in the package `agents`, read from their source.
+
+    An agent's module says by `get_entry_point` which class it is; a package's own is in its `agent.py`.
+    """
     spec = importlib.util.find_spec("agents")
     found: list[tuple[str, str]] = []
     for folder in (spec.submodule_search_locations or []) if spec is not None else []:
-        for module in sorted(pkgutil.iter_modules([folder]), key=lambda m: m.name):
-            path = Path(folder) / module.name
-            file = path / "agent.py" if module.ispkg else path.with_suffix(".py")
-            if not file.is_file():
-                continue
-            for node in ast.parse(file.read_text(encoding="utf-8")).body:
-                is_agent = isinstance(node, ast.ClassDef) and any(
-                    isinstance(part, ast.FunctionDef) and part.name == "run_step" for part in node.body
-                )
-                if isinstance(node, ast.ClassDef) and is_agent:
-                    summary = (ast.get_docstring(node) or "").split("\n")[0]
-                    found.append((f"agents.{module.name}:{node.name}", summary))
-    return found
+        for file in sorted(Path(folder).rglob("*.py")):
+            entry = _entry_of(ast.parse(file.read_text(encoding="utf-8")))
+            if entry is not None:
+                parts = file.relative_to(Path(folder).parent).with_suffix("").parts
+                module = ".".join(parts[:-1] if parts[-1] == "agent" else parts)
+                found.append((f"{module}:{entry[0]}", entry[1]))
+    return sorted(found)
+
+
+def _entry_of(tree: ast.Module) -> tuple[str, str] | None:
+    """Name and one-line summary of the class that a module's `get_entry_point` names; None without one."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and node.name == "get_entry_point":
+            names = [part.value.value for part in ast.walk(node) if isinstance(part, ast.Return)
+                     and isinstance(part.value, ast.Constant)]  # fmt: skip
+            for kind in tree.body:
+                if isinstance(kind, ast.ClassDef) and names == [kind.name]:
+                    return kind.name, (ast.get_docstring(kind) or "").split("\n")[0]
+    return None

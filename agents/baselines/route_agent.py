@@ -1,0 +1,76 @@
+"""What the baselines share: a plan to follow, the ego's place on it, and the pedals and wheel that hold it there."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from agents.behavior.control import Controller
+from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
+from lavsim.agent import Agent, Track
+from lavsim.map.town_map import TownMap, load_town
+from lavsim.types import Control
+
+RADIUS = 60.0  # [m] around the ego that it is told about
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The ego on its path: place s and offset to the right of it [m], yaw [rad], speed [m/s], half length [m]."""
+
+    s: float
+    offset: float
+    yaw: float
+    speed: float
+    half_length: float
+
+
+class RouteAgent(Agent):
+    """Follows the dense plan; a subclass says how fast.
+
+    Attributes:
+        path: What to drive; known from the first step on.
+        town: The town's map, likewise.
+    """
+
+    path: ReferencePath
+    town: TownMap
+
+    _dense: Sequence[tuple[Any, Any]] = ()  # set by `set_global_plan`, which in 2.x comes before `setup`
+
+    def setup(self, path_to_conf_file: str | None) -> None:
+        self.track = Track.PRIVILEGED
+        self._tracker: PathTracker | None = None
+
+    def sensors(self) -> list[dict[str, Any]]:
+        return [{"type": "sensor.lavsim.truth", "id": "truth", "radius": RADIUS}]
+
+    def set_global_plan(
+        self, global_plan_gps: list[tuple[dict[str, float], Any]], global_plan_world_coord: list[tuple[Any, Any]]
+    ) -> None:
+        super().set_global_plan(global_plan_gps, global_plan_world_coord)
+        self._dense = global_plan_world_coord
+
+    def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
+        truth = input_data["truth"][1]
+        if self._tracker is None:
+            self.path, self.town = path_of_plan(self._dense), load_town(truth["town"])
+            self._tracker, self._controller = PathTracker(self.path), Controller()
+            self.begin()
+        s, offset = self._tracker.update(float(truth["xyz"][0, 0]), float(truth["xyz"][0, 1]))
+        speed = max(float(truth["ego_speed"]), 0.0)
+        pose = Pose(s, offset, float(truth["yaw"][0]), speed, float(truth["sizes"][0, 0]) / 2.0)
+        return self.command(pose, self.acceleration(pose, truth))
+
+    def begin(self) -> None:
+        """Called once path and town are known."""
+
+    @abstractmethod
+    def acceleration(self, pose: Pose, truth: Mapping[str, Any]) -> float:
+        """The acceleration it wants [m/s²]."""
+
+    def command(self, pose: Pose, acceleration: float) -> Control:
+        """Pedals and wheel for it; steers as the expert does."""
+        return self._controller.command(self.path, pose.s, pose.offset, pose.yaw, pose.speed, acceleration)
