@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from lavsim.map.footways import FootwayKind, get_footways
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.random import Draws
+from lavsim.traffic.population import Traffic
 from lavsim.traffic.walkers import Walkers
 from lavsim.types import DT, ActorIds, Control, LaneType, LightState, Role
 from lavsim.world.blueprints import BLUEPRINTS
+from lavsim.world.lights import TrafficLights
 from lavsim.world.motion import RESTING
 from lavsim.world.world import World
 from tests import worlds
@@ -232,6 +234,30 @@ def test_three_minutes_of_walking_on_the_ground_for_it_and_nobody_stuck(name: st
             assert shapely.contains_xy(ground, *scene.places.T).all()
     assert (scene.world.touched[scene.walkers.rows] < 0).all()
     assert crossed.sum() > count / 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "vehicles"), [("eu_small_a", 100), ("us_large_a", 150)])
+def test_ten_minutes_among_traffic_touch_nobody(name: str, vehicles: int) -> None:
+    town = load_town(name)
+    world, draws = make_world(), Draws.of_seed(0)
+    traffic, walkers = Traffic(town, world, draws, vehicles), Walkers(town, world, draws, 100)
+    lights, ground = TrafficLights(len(town.lights), town.light_groups), ground_of(town)
+    anchor, since = world.pose[walkers.rows, :2].copy(), np.zeros(100, int)
+    for tick in range(12_000):
+        states = lights.states(tick * DT)
+        traffic.control(states)
+        walkers.control(states)
+        world.drive_ego(Control(brake=1.0))
+        world.step()
+        places = world.pose[walkers.rows, :2]
+        moved = np.hypot(*(places - anchor).T) > 0.5
+        anchor[moved] = places[moved]
+        since[moved | (walkers._walkers["since"] >= 0)] = tick
+        assert tick - since.min() < 1200
+        if tick % 20 == 0:
+            assert shapely.contains_xy(ground, *places.T).all()
+    assert (world.touched[walkers.rows] < 0).all()
 
 
 def test_nobody_leaves_the_sidewalk_of_a_road_without_crosswalks_but_jaywalkers_do() -> None:
