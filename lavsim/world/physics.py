@@ -37,6 +37,7 @@ _SLOP = 0.01  # [m] overlap that is left alone
 _SUBSTEPS = 8  # at 30 m/s 0.19 m each: nothing passes through anything. Always as many: the engine starts from the
 # impulses of the step before, and a step of another length would scale them
 _SETTLED = 2e-4  # [m], [rad] a tick: what moves less than that has come to rest
+_LEAST_IMPULSE = 1.0  # [N s] that makes a contact worth telling
 _WALL_MARGIN = 2.5  # [m] a pushed body may go in a tick and more
 
 _STANDS, _WALKS, _WALL = 1, 2, 4  # collision categories
@@ -134,6 +135,8 @@ class Physics:
         pymunk.batch.set_space_bodies(self._space, _STATE_FIELDS, buffer)
         contacts = self._advance()
         touched = np.unique(contacts.rows[contacts.rows >= 0])
+        felt = contacts.impulse >= _LEAST_IMPULSE  # two that are only being pushed apart exert none
+        contacts = Contacts(contacts.rows[felt], contacts.impulse[felt], contacts.point[felt])
         decided = np.union1d(touched, unsettled)
         if len(decided):
             output = pymunk.batch.Buffer()

@@ -126,7 +126,7 @@ class World:
         Raises:
             ScenarioError: an actor of a hazard would overlap one that is there.
         """
-        if role in (Role.SCENARIO, Role.PROP):
+        if role in (Role.SCENARIO, Role.PROP) and blueprint.is_solid:
             self._check_room(blueprint, position, yaw)
         rows = self.spawn_many([actor_id], [blueprint], np.asarray(position)[None], np.array([yaw]), role, [colour])
         return Actor(self, int(rows[0]))
@@ -294,7 +294,7 @@ class World:
         pose = (float(position[0]), float(position[1]), float(position[2]), yaw)
         n = self.count
         near = np.hypot(self.pose[:n, 0] - pose[0], self.pose[:n, 1] - pose[1]) < 20.0
-        for row in np.flatnonzero(near & self.present[:n]):
+        for row in np.flatnonzero(near & self.present[:n] & (self._half[:n, 0] > 0.0)):
             other = Actor(self, int(row))
             if boxes_overlap(pose, size, other.box_pose, other.size):
                 raise ScenarioError(

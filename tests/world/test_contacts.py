@@ -7,7 +7,7 @@ from lavsim.errors import ScenarioError
 from lavsim.types import ActorIds, Control, Role
 from lavsim.world.actor import Actor
 from lavsim.world.blueprints import BLUEPRINTS
-from lavsim.world.motion import RESTING
+from lavsim.world.motion import RESTING, WALKING
 from lavsim.world.snapshot import HAZARD_DTYPE, Snapshot
 from lavsim.world.weather import Weather
 from lavsim.world.world import World
@@ -131,3 +131,43 @@ def test_cars_on_different_levels_pass_through_each_other(z: float, meets: bool)
     snapshots = drive(world, 100, Control(throttle=0.75))
     assert bool(contacts(snapshots)) == meets
     assert (snapshots[-1].ego.speed > 9.0) != meets
+
+
+def test_debris_lies_under_cars_and_touches_nobody() -> None:
+    world = world_with_ego()
+    debris = add(world, "static.prop.dirtdebris01", 10.0, role=Role.PROP)
+    add(world, "static.prop.dirtdebris02", 10.5, role=Role.PROP)  # over the other
+    add(world, "vehicle.audi.tt", 10.0, 0.5, role=Role.SCENARIO).remove()  # there is room for a car above it
+    snapshots = drive(world, 80, Control(throttle=0.75))
+    assert not contacts(snapshots)
+    assert snapshots[-1].ego.x > 20.0
+    assert debris.xy.tolist() == [10.0, 0.0]
+
+
+def test_a_cone_is_knocked_away_and_hardly_felt() -> None:
+    world = world_with_ego()
+    cone = add(world, "static.prop.trafficcone01", 12.0, role=Role.PROP)
+    snapshots = drive(world, 80, Control(throttle=0.75))
+    assert (1, cone.id) in contacts(snapshots)
+    assert cone.xy[0] > 13.0
+    assert snapshots[-1].ego.speed > 10.0
+
+
+def test_a_walker_that_walks_into_a_parked_car_stays_on_its_feet() -> None:
+    world = world_with_ego()
+    add(world, "vehicle.audi.tt", 20.0, 20.0, role=Role.PARKED)
+    walker = add(world, "walker.pedestrian.0001", 20.0, 17.0, role=Role.SCENARIO)
+    walker.walk(np.array([0.0, 2.5]))
+    snapshots = drive(world, 60, Control(brake=1.0))
+    assert contacts(snapshots)
+    assert world.motion[walker.row] == WALKING
+    assert walker.xy[1] < 19.2
+
+
+def test_walkers_pass_each_other() -> None:
+    world = world_with_ego()
+    pair = [add(world, "walker.pedestrian.0001", 20.0 + 4.0 * k, 20.0, role=Role.SCENARIO) for k in range(2)]
+    pair[0].walk(np.array([1.5, 0.0]))
+    pair[1].walk(np.array([-1.5, 0.0]))
+    assert not contacts(drive(world, 60, Control(brake=1.0)))
+    assert pair[0].xy[0] > pair[1].xy[0]

@@ -71,7 +71,7 @@ def crash(names: list[str], seed: int, walls: bool = False, has_levels: bool = F
     return Crash(world, np.array(rows), kinds)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(names=st.lists(st.sampled_from(KINDS), min_size=2, max_size=6), seed=st.integers(0, 10**6), walls=st.booleans())
 def test_random_crashes_obey_the_laws(names: list[str], seed: int, walls: bool) -> None:
     run = crash(names, seed, walls)
