@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import inspect
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from enum import Enum, IntEnum
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from lavsim.agent_source import find_agent, load_agent_class
 from lavsim.carla_types import Location, Rotation, Transform
+from lavsim.drawings import Drawing, checked_all
 from lavsim.errors import AgentError, ConfigError
 from lavsim.geometry import geolocation
 from lavsim.types import Control, RoadOption
@@ -96,6 +98,7 @@ class AgentSpec:
         setup_timeout: The same for import, construction and `setup`.
         memory_limit: Resident bytes of the agent's processes together.
         output_limit: Bytes of its output that are kept.
+        drawings: Whether it is asked after each step what it shows of its inner view.
     """
 
     target: str
@@ -105,6 +108,7 @@ class AgentSpec:
     setup_timeout: float = 600.0
     memory_limit: int = 16 * 2**30
     output_limit: int = 10 * 10**6
+    drawings: bool = False
 
     def __post_init__(self) -> None:
         if self.generation not in PLAN_SPACING:
@@ -258,6 +262,10 @@ class Agent:
         """The control for this tick: anything with throttle, steer and brake."""
         raise NotImplementedError(f"{type(self).__name__} has no run_step")
 
+    def drawings(self) -> dict[str, Drawing]:
+        """What to show of its inner view after a step, by name (`lavsim.drawings`); asked only with `--drawings`."""
+        return {}
+
     def destroy(self) -> None:
         """Called once after the route."""
 
@@ -356,6 +364,7 @@ class AgentRunner:
         self.spec = spec
         self._class = agent_class
         self._agent: Any = None
+        self._told = False
         self.track = Track.SENSORS
         self.sensors: list[dict[str, Any]] = []
 
@@ -395,6 +404,18 @@ class AgentRunner:
             raise _failure(AgentStatus.CRASHED, "run_step", error) from error
         return parse_control(control)
 
+    def drawings(self) -> dict[str, Drawing]:
+        """What the agent shows after its step; nothing, and a word in its output, if that is no drawing."""
+        if not self.spec.drawings or not hasattr(self._agent, "drawings"):
+            return {}
+        try:
+            return checked_all(self._agent.drawings())
+        except Exception as error:  # a picture that fails must not end a drive
+            if not self._told:
+                print(f"drawings() failed, nothing is shown: {type(error).__name__}: {error}", file=sys.stderr)
+            self._told = True
+            return {}
+
     def close(self) -> None:
         """Calls `destroy` of an agent that was constructed.
 
@@ -431,6 +452,10 @@ class InProcessAgent:
 
     def step(self, readings: Readings, time: float) -> Control:
         return self._runner.step({name: (frame, _copied(data)) for name, (frame, data) in readings.items()}, time)
+
+    def drawings(self) -> dict[str, Drawing]:
+        """What the agent shows after its last step."""
+        return self._runner.drawings()
 
     def close(self) -> None:
         self._runner.close()

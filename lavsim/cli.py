@@ -96,6 +96,7 @@ def score(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
+    drawings: Annotated[bool, typer.Option("--drawings", help="Keep what the agent shows of its inner view.")] = False,
 ) -> None:
     """Drive an agent over routes and score it by the leaderboard's rules."""
     from leaderboard.evaluator import EvaluationConfig, evaluate
@@ -120,6 +121,7 @@ def score(
         cluster=cluster,
         resume=resume,
         overwrite=overwrite,
+        drawings=drawings,
     )
     with _Bar() as bar:
         run = evaluate(config, bar.update)

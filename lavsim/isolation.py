@@ -24,6 +24,8 @@ from typing import IO, Any
 import psutil
 
 from lavsim.agent import AgentFailure, AgentPlan, AgentSpec, AgentStatus, Readings, Track, parse_control
+from lavsim.drawings import Drawing, checked_all
+from lavsim.errors import ConfigError
 from lavsim.messages import Channel, MessageError
 from lavsim.types import Control
 
@@ -69,6 +71,7 @@ class ChildAgent:
         self._watched = 0.0
         self._track = Track.SENSORS
         self._sensors: list[dict[str, Any]] = []
+        self._drawings: dict[str, Drawing] = {}
 
     @property
     def track(self) -> Track:
@@ -116,7 +119,12 @@ class ChildAgent:
         message = {"order": "step", "time": time, "readings": {key: list(value) for key, value in readings.items()}}
         reply = self._ask(message, self.spec.step_timeout, AgentStatus.CRASHED)
         # Parsed again here: the child belongs to the agent, and its word is not trusted.
+        self._drawings = _believable(reply.get("drawings"))
         return parse_control(SimpleNamespace(**{key: reply.get(key) for key in Control.__dataclass_fields__}))
+
+    def drawings(self) -> dict[str, Drawing]:
+        """What the agent showed after its last step."""
+        return self._drawings
 
     def close(self) -> None:
         """Lets the agent `destroy` itself if it still answers, then ends whatever is left of its process group."""
@@ -270,6 +278,13 @@ class ChildAgent:
 
 class _MemoryError(Exception):
     pass
+
+
+def _believable(drawings: Any) -> dict[str, Drawing]:
+    try:
+        return checked_all(drawings)
+    except ConfigError:
+        return {}
 
 
 def _drain(stream: IO[bytes], path: Path | None, limit: int) -> None:

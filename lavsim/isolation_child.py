@@ -39,6 +39,8 @@ def main(arguments: list[str]) -> int:
                 assert runner is not None
                 readings = {key: (frame, data) for key, (frame, data) in message["readings"].items()}
                 reply = asdict(runner.step(readings, message["time"]))
+                if runner.spec.drawings:
+                    reply["drawings"] = runner.drawings()
             else:
                 if runner is not None:
                     runner.close()

@@ -42,6 +42,7 @@ class EvaluationConfig(BaseModel):
     setup_timeout: float = Field(600.0, gt=0.0, description="wall-clock limit of an agent's set-up [s]")
     memory_limit: int = Field(16 * 2**30, gt=0, description="resident memory of the agent's processes [bytes]")
     pictures: bool = Field(True, description="draw a contact sheet of each drive")
+    drawings: bool = Field(False, description="keep what the agent shows of its inner view beside each log")
 
     @field_validator("traffic")
     @classmethod
@@ -94,7 +95,7 @@ class EvaluationConfig(BaseModel):
 
     def decisive(self) -> dict[str, Any]:
         """What decides the results, in JSON types: all but how the work is done."""
-        return self.model_dump(mode="json", exclude={"overwrite", "resume", "workers", "cluster"})
+        return self.model_dump(mode="json", exclude={"overwrite", "resume", "workers", "cluster", "drawings"})
 
     @property
     def rule_set(self) -> Rules:
@@ -109,6 +110,7 @@ class EvaluationConfig(BaseModel):
             step_timeout=self.step_timeout,
             setup_timeout=self.setup_timeout,
             memory_limit=self.memory_limit,
+            drawings=self.drawings,
         )
 
     def seed_of(self, repetition: int) -> int:

@@ -14,6 +14,7 @@ from lavsim.agent import AgentFailure, AgentHandle, AgentSpec, AgentStatus, Read
 from lavsim.episode import EpisodeResult, Observer, run_episode
 from lavsim.errors import LavsimError
 from lavsim.isolation import ChildAgent
+from lavsim.log.drawings import SUFFIX, DrawingsWriter
 from lavsim.log.writer import LogWriter
 from lavsim.map.town_map import TOWN_PATH
 from lavsim.render.scene import get_scene
@@ -169,7 +170,8 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
     simulation = Simulation(task.spec())
     criteria.watch(simulation.town, simulation.route)
     metrics.watch(simulation.town, simulation.route)
-    agent = PacedAgent(ChildAgent(task.agent, task.output, _environment(task.town_path)), task.latency)
+    child = ChildAgent(task.agent, task.output, _environment(task.town_path))
+    agent = PacedAgent(child, task.latency)
     sensors: list[dict[str, Any]] = []
     track: Track | None = None
     failure: AgentFailure | None = None
@@ -181,6 +183,8 @@ def run_drive(task: DriveTask, on_tick: OnTick | None = None) -> DriveOutcome:
         check_sensors(sensors, track, task.track, task.rules)
         suite, handle = _suite(simulation, sensors, task.sensors, agent)
         observers: list[Observer] = [criteria, metrics, LogWriter(task.log, {"suite": sensors})]
+        if task.agent.drawings:
+            observers.append(DrawingsWriter(task.log.with_suffix(SUFFIX), child.drawings))
         if on_tick is not None:
             observers.append(_Reporter(criteria, on_tick))
         started = time.perf_counter()

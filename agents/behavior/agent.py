@@ -14,7 +14,9 @@ from agents.behavior.hazards import Ego, Meeting, kerb_speed, meetings
 from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
 from agents.behavior.road import StopPoint, TrackBook, limits_along, stop_points
 from agents.behavior.speed import Manner, speed_profile, stopping, time_to_cover, towards
+from agents.behavior.view import View, drawings_of
 from lavsim.agent import Agent, Track
+from lavsim.drawings import Drawing
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.types import Control, LightState, RoadOption
 
@@ -62,6 +64,11 @@ class BehaviorAgent(Agent):
             self._expert = Expert(path_of_plan(self._dense), load_town(truth["town"]))
         return self._expert.drive(truth)
 
+    def drawings(self) -> dict[str, Drawing]:
+        """Its plan, its forecasts, and what it brakes for."""
+        expert = self._expert
+        return drawings_of(expert.view, expert.path) if expert is not None and expert.view is not None else {}
+
 
 class Expert:
     """Drives one path.
@@ -90,6 +97,7 @@ class Expert:
         self._waiting = 0.0  # [s] it has stood for others
         self._time = -math.inf
         self.reason = ""  # what held it back last: for pictures and debugging
+        self.view: View | None = None  # what it had in mind last
 
     def drive(self, truth: Mapping[str, Any]) -> Control:
         """The control for one tick of truth."""
@@ -114,6 +122,7 @@ class Expert:
         bounds.append(("junction", self._junction(ego, met)))
         bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner)))
         self.reason, acceleration = min(bounds, key=lambda bound: bound[1])
+        self.view = View(truth, forecast, s, min(wanted, kerb), acceleration, self.reason)
         return self._controller.command(self.path, s, offset, ego.yaw, speed, acceleration)
 
     def _patience(self, truth: Mapping[str, Any], speed: float) -> float:
