@@ -102,51 +102,44 @@ def cast_level(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _planes(solids, k, origin):  # type: ignore[no-untyped-def]
-    """Heights of a solid's underside and top over the sensor, where it stands."""
-    lift = solids.tilt[k, 0] * (origin[0] - solids.centre[k, 0]) + solids.tilt[k, 1] * (origin[1] - solids.centre[k, 1])
-    return solids.z0[k] + lift - origin[2], solids.z1[k] + lift - origin[2]
-
-
-@kernel
-def _near_first(solids, origin, max_range):  # type: ignore[no-untyped-def]
+def _near_first(centre, radius, ox, oy, max_range):  # type: ignore[no-untyped-def]
     """Rows of the solids within range, nearest first."""
-    rows = np.empty(len(solids.corners), np.int32)
-    near = np.empty(len(solids.corners))
+    rows, near = np.empty(len(radius), np.int32), np.empty(len(radius))
     found = 0
-    for k in range(len(solids.corners)):
-        dx, dy = solids.centre[k, 0] - origin[0], solids.centre[k, 1] - origin[1]
-        reach = max_range + solids.radius[k]
+    for k in range(len(radius)):
+        dx, dy = centre[k, 0] - ox, centre[k, 1] - oy
+        reach = max_range + radius[k]
         square = dx * dx + dy * dy
         if square < reach * reach:
-            rows[found], near[found] = k, np.sqrt(square) - solids.radius[k]
+            rows[found], near[found] = k, np.sqrt(square) - radius[k]
             found += 1
     return rows[:found][np.argsort(near[:found], kind="mergesort")]
 
 
 @kernel
-def _edges(solids, k, ox, oy, edges):  # type: ignore[no-untyped-def]
-    """Fills `edges` (n, 3) with outward normals and their offsets from the origin; True if the origin is inside."""
-    n = solids.corners[k]
+def _edges(xy, k, n, ox, oy, edges):  # type: ignore[no-untyped-def]
+    """Fills `edges` (n, 3) with outward normals and their offsets from the origin; True if the origin is inside.
+
+    Like its neighbours it takes the arrays it needs: to pass all of `Solids` costs more than the work.
+    """
     inside = True
     for e in range(n):
         f = e + 1 if e + 1 < n else 0
-        x, y = solids.xy[k, e, 0] - ox, solids.xy[k, e, 1] - oy
-        nx, ny = solids.xy[k, f, 1] - oy - y, x - (solids.xy[k, f, 0] - ox)
+        x, y = xy[k, e, 0] - ox, xy[k, e, 1] - oy
+        nx, ny = xy[k, f, 1] - oy - y, x - (xy[k, f, 0] - ox)
         edges[e, 0], edges[e, 1], edges[e, 2] = nx, ny, nx * x + ny * y
         inside = inside and edges[e, 2] >= 0.0
     return inside
 
 
 @kernel
-def _span(solids, k, ox, oy, inside):  # type: ignore[no-untyped-def]
-    """Bearing of a solid's centre and the extremes of its footprint relative to it [rad]."""
-    cx, cy = solids.centre[k, 0] - ox, solids.centre[k, 1] - oy
+def _span(xy, k, n, cx, cy, ox, oy, inside):  # type: ignore[no-untyped-def]
+    """Bearing of a solid's centre, at `cx`, `cy` from the origin, and the extremes of its footprint from it [rad]."""
     if inside:
         return 0.0, -np.pi, np.pi
     low, high = 0.0, 0.0
-    for e in range(solids.corners[k]):
-        x, y = solids.xy[k, e, 0] - ox, solids.xy[k, e, 1] - oy
+    for e in range(n):
+        x, y = xy[k, e, 0] - ox, xy[k, e, 1] - oy
         angle = np.arctan2(cx * y - cy * x, cx * x + cy * y)
         low, high = min(low, angle), max(high, angle)
     return np.arctan2(cy, cx), low, high
@@ -176,23 +169,27 @@ def _cast_solids(  # type: ignore[no-untyped-def]
     turn = 2.0 * np.pi
     columns = len(direction)
     edges = np.empty((8, 3))
-    for k in _near_first(solids, origin, max_range):
-        below, above = _planes(solids, k, origin)
-        inside = _edges(solids, k, origin[0], origin[1], edges)
+    slope, inverse = beams.slope, beams.inverse
+    xy, corners, centre, z0, z1, tilt = solids.xy, solids.corners, solids.centre, solids.z0, solids.z1, solids.tilt
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    for k in _near_first(centre, solids.radius, ox, oy, max_range):
+        n, cx, cy, tilt_x, tilt_y = corners[k], centre[k, 0] - ox, centre[k, 1] - oy, tilt[k, 0], tilt[k, 1]
+        lift = tilt_x * cx + tilt_y * cy
+        below, above = z0[k] - lift - oz, z1[k] - lift - oz
+        inside = _edges(xy, k, n, ox, oy, edges)
         if inside and below <= 0.0 <= above:
             continue  # the sensor is in it
-        bearing, low, high = _span(solids, k, origin[0], origin[1], inside)
+        bearing, low, high = _span(xy, k, n, cx, cy, ox, oy, inside)
         bearing = (bearing - start) % turn
-        tilt_x, tilt_y = solids.tilt[k, 0], solids.tilt[k, 1]
         for shift in range(-1, 2):
             first = max(0, int(np.ceil((bearing + low + shift * turn) / step)))
             last = min(columns - 1, int(np.floor((bearing + high + shift * turn) / step)))
             for j in range(first, last + 1):
-                enter, leave = _cut(edges, solids.corners[k], direction[j, 0], direction[j, 1])
+                enter, leave = _cut(edges, n, direction[j, 0], direction[j, 1])
                 enter = max(enter, 0.0)
                 if enter < leave and enter < farthest[j]:
                     rise = tilt_x * direction[j, 0] + tilt_y * direction[j, 1]
-                    _fill_column(beams, below, above, rise, enter, leave, k + offset, run[j], hit[j], farthest, j)
+                    _fill_column(slope, inverse, below, above, rise, enter, leave, k + offset, run, hit, farthest, j)
 
 
 @kernel
@@ -210,28 +207,29 @@ def _channel_at(slope, value):  # type: ignore[no-untyped-def]
 
 @kernel
 def _fill_column(  # type: ignore[no-untyped-def]
-    beams, below, above, rise, enter, leave, row, run, hit, farthest, j
+    slope, inverse, below, above, rise, enter, leave, row, run, hit, farthest, j
 ):
-    """Shortens the beams of one azimuth that meet a solid between runs `enter` and `leave`.
+    """Shortens the beams of azimuth j that meet a solid between runs `enter` and `leave`.
 
     Underside and top climb by `rise` along the azimuth, from `below` and `above` at the sensor.
     """
     steepest = (above / enter if above > 0.0 else above / leave) + rise
     flattest = (below / leave if below > 0.0 else below / enter) + rise
     cap = above if above < 0.0 else (below if below > 0.0 else 0.0)  # the cap that can be met, if any
+    first, channels = _channel_at(slope, steepest), len(slope)
     changed = False
-    for i in range(_channel_at(beams.slope, steepest), len(run)):
-        if beams.slope[i] < flattest:
+    for i in range(first, channels):
+        if slope[i] < flattest:
             break
         reached = enter
         if cap != 0.0:
-            reached = max(enter, cap * beams.inverse[i] if rise == 0.0 else cap / (beams.slope[i] - rise))
-        if reached < run[i]:
-            run[i], hit[i], changed = reached, row, True
+            reached = max(enter, cap * inverse[i] if rise == 0.0 else cap / (slope[i] - rise))
+        if reached < run[j, i]:
+            run[j, i], hit[j, i], changed = reached, row, True
     if changed:
         longest = 0.0
-        for i in range(len(run)):
-            longest = max(longest, run[i])
+        for i in range(channels):
+            longest = max(longest, run[j, i])
         farthest[j] = longest
 
 
@@ -301,12 +299,16 @@ def _cut_beams(solids, offset, origin, max_range, first, order, heading, slope, 
     bins = len(first) - 1
     per_bin = 2.0 * np.pi / bins
     edges = np.empty((8, 3))
-    for k in _near_first(solids, origin, max_range):
-        below, above = _planes(solids, k, origin)
-        inside = _edges(solids, k, origin[0], origin[1], edges)
+    xy, corners, centre, z0, z1, tilt = solids.xy, solids.corners, solids.centre, solids.z0, solids.z1, solids.tilt
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    for k in _near_first(centre, solids.radius, ox, oy, max_range):
+        n, cx, cy, tilt_x, tilt_y = corners[k], centre[k, 0] - ox, centre[k, 1] - oy, tilt[k, 0], tilt[k, 1]
+        lift = tilt_x * cx + tilt_y * cy
+        below, above = z0[k] - lift - oz, z1[k] - lift - oz
+        inside = _edges(xy, k, n, ox, oy, edges)
         if inside and below <= 0.0 <= above:
             continue
-        bearing, low, high = _span(solids, k, origin[0], origin[1], inside)
+        bearing, low, high = _span(xy, k, n, cx, cy, ox, oy, inside)
         begin = int(np.floor((bearing + low) / per_bin))
         width = min(int(np.floor((bearing + high) / per_bin)) - begin + 1, bins)
         for q in range(begin, begin + width):
@@ -314,9 +316,9 @@ def _cut_beams(solids, offset, origin, max_range, first, order, heading, slope, 
                 b = order[o]
                 if run[b] < 0.0:
                     continue
-                enter, leave = _cut(edges, solids.corners[k], heading[b, 0], heading[b, 1])
+                enter, leave = _cut(edges, n, heading[b, 0], heading[b, 1])
                 enter = max(enter, 0.0)
-                rise = solids.tilt[k, 0] * heading[b, 0] + solids.tilt[k, 1] * heading[b, 1]
+                rise = tilt_x * heading[b, 0] + tilt_y * heading[b, 1]
                 reached = _enter_slab(below, above, enter, leave, slope[b] - rise)
                 if reached < run[b]:
                     run[b], hit[b] = reached, k + offset
