@@ -39,11 +39,11 @@ _ARCS = np.array(
     ]
 )  # fmt: skip
 _PI_2, _PI_2_REST = 1.5707963267948966, 6.123233995736766e-17
-GRID = 2.0**-20  # [m], [rad], [m/s] below what matters, far above what libraries disagree about
+GRID = 2.0**-30  # [m], [rad]: a nanometre, ten thousand times what libraries disagree about
 
 
 def snapped(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`values` on a grid of 2^-20: two libraries' results for the same thing become the same number."""
+    """`values` on a grid of 2^-30: two libraries' results for the same thing become the same number."""
     return np.rint(np.asarray(values, dtype=np.float64) / GRID) * GRID
 
 

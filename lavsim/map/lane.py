@@ -31,6 +31,7 @@ from lavsim.map.opendrive import (
     SectionRecord,
     SpeedRecord,
 )
+from lavsim.portable_math import snapped
 from lavsim.types import LaneType, RoadOption
 
 Floats = NDArray[np.float64]
@@ -460,6 +461,7 @@ def _measure(
         )
     points[:, 3] = np.unwrap(yaw)
     points[:, 4] = turned
+    points = snapped(points)
     change = change_bits(section.record, lane.id, inside - section.start, section.shape.road.left_hand)
     return _Piece(section.shape.road, index, lane, section, points, s, np.maximum(width, 0.0), length, change)
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from lavsim.portable_math import snapped
+
 MAX_VERTICES = 8
 
 
@@ -104,7 +106,7 @@ class PrismList:
             return Prisms.empty()
         vertices, count, z0, z1, tag, colour, solid, light, lamp = zip(*self._rows, strict=True)
         return Prisms(
-            np.stack(vertices),
+            snapped(np.stack(vertices)),
             np.array(count, np.int32),
             np.array(z0, np.float64),
             np.array(z1, np.float64),
