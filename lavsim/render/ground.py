@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-VERSION = 6  # of what is drawn; raise it whenever another raster comes out
+VERSION = 7  # of what is drawn; raise it whenever another raster comes out
 RESOLUTION = 0.1  # [m] a cell
 _FINE = RESOLUTION / 2.0  # [m] what is drawn, before four become one
 MARGIN = 20.0  # [m] of terrain around the lanes
@@ -170,7 +170,14 @@ class Level:
 
 def whole_bounds(town: TownMap) -> Floats:
     """x0, y0, x1, y1 of a town with its margin [m], whole metres."""
-    return np.concatenate([np.floor(town.bounds[:2] - MARGIN), np.ceil(town.bounds[2:] + MARGIN)])
+    bounds = np.round(town.bounds, 2)  # errors of rounding must not move it by a metre
+    return np.concatenate([np.floor(bounds[:2] - MARGIN), np.ceil(bounds[2:] + MARGIN)])
+
+
+def cached_array(name: str, town: TownMap, version: int, bounds: Floats) -> Path:
+    """File in the cache folder for an array over `bounds`, which its name holds, since the array does not."""
+    place = "_".join(f"{value:.0f}" for value in bounds)
+    return cache_dir() / f"{name}-{town.digest}-{version}-{place}.npy"
 
 
 def whole_town(town: TownMap) -> Level:
@@ -186,7 +193,7 @@ def whole_town(town: TownMap) -> Level:
 def ground_raster(town: TownMap, level: Level | None = None) -> GroundRaster:
     """The raster of `town` (of one level of it), from the cache folder when it was drawn before."""
     level = whole_town(town) if level is None else level
-    path = cache_dir() / f"{level.name}-{town.digest}-{VERSION}.npy"
+    path = cached_array(level.name, town, VERSION, level.bounds)
     if not path.exists():
         buffer = io.BytesIO()
         np.save(buffer, draw_ground(town, level))

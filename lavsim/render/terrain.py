@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 from scipy.spatial import cKDTree
 
-from lavsim.cache import cache_dir, replace_atomically
+from lavsim.cache import replace_atomically
 from lavsim.map.lane import CLEAR_HEIGHT
-from lavsim.render.ground import GroundRaster, Level, ground_raster, whole_bounds
+from lavsim.render.ground import GroundRaster, Level, cached_array, ground_raster, whole_bounds
 from lavsim.render.heights import CELL, LEVEL_GROUND, Heights, heights_at, heights_of, level_ground
 from lavsim.render.solids import Solids, joined, plane_solid
 from lavsim.types import Tag
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-VERSION = 1  # of the heights and decks; raise it whenever others come out
+VERSION = 2  # of the heights and decks; raise it whenever others come out
 LEVEL = 0.005  # [m] a town whose lanes differ by less is level
 DECK_REACH = 15.0  # [m] of road before and after what it passes over that is deck too
 DECK_STEP = 4.0  # [m] length of a slab at most
@@ -144,7 +144,7 @@ def terrain_of(town: TownMap) -> Terrain:
         height = float(np.median(z)) if len(z) else 0.0
         return Terrain(ground_raster(town), level_ground(height), None, _NO_DECK_RASTER)
     decks, bounds = Decks(town), whole_bounds(town)
-    path = cache_dir() / f"heights-{town.digest}-{VERSION}.npy"
+    path = cached_array("heights", town, VERSION, bounds)
     if not path.exists():
         buffer = io.BytesIO()
         np.save(buffer, _nodes(town, decks))
