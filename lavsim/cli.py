@@ -166,26 +166,27 @@ def merge(
 
 
 @app.command()
-def report(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]) -> None:
-    """Print the tables of runs and write their report.html again."""
+def report(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Where the comparison of several runs goes; comparison.html of the first.")
+    ] = None,
+) -> None:
+    """Print the tables of runs, write their reports and replays again, and compare several of them."""
+    from leaderboard.report.comparison import check_comparable, write_comparison
     from leaderboard.report.page import write_report
     from leaderboard.run import Run
     from leaderboard.table import run_table
 
     loaded = [Run.load(folder) for folder in runs]
-    first = loaded[0].run.get("benchmark_id")
-    for run in loaded[1:]:
-        own = run.run.get("benchmark_id")
-        if own != first:
-            raise OutputError(
-                f"{run.folder} was driven under benchmark {own}, {loaded[0].folder} under {first}: "
-                "towns, routes, traffic or rules differ, so their scores can't be compared."
-            )
+    check_comparable(loaded)
     for run in loaded:
         if len(loaded) > 1:
             typer.echo(str(run.folder))
         _print(run_table(run))
         write_report(run)
+    if len(loaded) > 1:
+        typer.echo(str(write_comparison(loaded, out)))
 
 
 @app.command()

@@ -14,8 +14,6 @@ from leaderboard.rules import get_rules
 from leaderboard.run import Run
 from leaderboard.table import short_name
 
-REPLAYS = "replays"  # folder of a run
-
 
 def story_of(log: LogReader, drive: Mapping[str, Any], record: Mapping[str, Any], run: Run) -> Story:
     """What is told of a drive of `run`.

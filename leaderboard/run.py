@@ -12,8 +12,10 @@ from lavsim.errors import OutputError
 from leaderboard.record import RESULTS, RUN
 
 LOGS, PICTURES, REPORT = "logs", "pictures", "report.html"
+REPLAYS = "replays"  # a page for each drive, written with the report
+COMPARISON = "comparison.html"
 DRIVES = "drives"  # a file for each drive done: `leaderboard.checkpoint`
-_OURS = (RESULTS, RUN, REPORT, LOGS, PICTURES, DRIVES)
+_OURS = (RESULTS, RUN, REPORT, COMPARISON, LOGS, PICTURES, REPLAYS, DRIVES)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A drive as inline SVG: the map with route, track and infractions, and the speed over time."""
+"""A drive as inline SVG: the map with route, track and infractions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from shapely import LineString
 
 from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap
-from lavsim.types import DT, LaneType, Tag
+from lavsim.types import LaneType, Tag
 from leaderboard.report.markup import Markup, el, join
 
 Floats = NDArray[np.float64]
@@ -19,7 +19,6 @@ Floats = NDArray[np.float64]
 MARGIN = 22.0  # [m] around what was driven
 ASPECT = 1.3  # width to height of the map
 TOLERANCE = 0.15  # [m] lines are thinned by
-MAX_SPEED_POINTS = 600
 
 _PAVED = (
     (LaneType.SIDEWALK | LaneType.SHOULDER | LaneType.BORDER, "var(--walk)"),
@@ -49,39 +48,6 @@ def map_drawing(town: TownMap, route: Route, track: Floats, infractions: Sequenc
     label = f"Map of the drive with {len(infractions)} infractions"
     box = " ".join(f"{v:.1f}" for v in (*low, *size))
     return el("svg", *layers, class_="map", viewBox=box, role="img", aria_label=label)
-
-
-def speed_drawing(times: Floats, speeds: Floats, infractions: Sequence[dict[str, Any]], first_tick: int) -> Markup:
-    """Speed [km/h] over the drive's time [s], with the infractions' moments."""
-    width, height, left, bottom = 420.0, 130.0, 30.0, 20.0
-    keep = np.linspace(0, len(times) - 1, min(len(times), MAX_SPEED_POINTS)).astype(int)
-    top = max(float(speeds.max(initial=0.0)) * 3.6, 10.0) * 1.1
-    span = max(float(times[-1]), 1.0)
-
-    def place(time: float, speed: float) -> tuple[float, float]:
-        return left + (width - left - 6.0) * time / span, (height - bottom) * (1.0 - speed / top)
-
-    line = np.array([place(float(times[k]), float(speeds[k]) * 3.6) for k in keep])
-    parts = []
-    for value in _ticks(top):
-        y = place(0.0, value)[1]
-        parts.append(el("line", x1=left, x2=width, y1=y, y2=y, stroke="var(--edge)"))
-        text = f"{value:g}"
-        parts.append(el("text", text, x=left - 6, y=y + 4, fill="var(--soft)", font_size=11, text_anchor="end"))
-    for number, entry in enumerate(infractions, 1):
-        x = place(max((int(entry["tick"]) - first_tick) * DT, 0.0), 0.0)[0]
-        stroke = el("line", x1=x, x2=x, y1=0, y2=height - bottom, stroke="var(--mark)", stroke_dasharray="3 3")
-        parts.append(el("g", stroke, el("title", f"{number}: {entry['message']}")))
-    parts.append(_line(line, stroke="var(--accent)", stroke_width=1.6))
-    parts.append(el("text", "km/h", x=2, y=height - 5, fill="var(--soft)", font_size=11))
-    end = f"{span:.0f} s"
-    parts.append(el("text", end, x=width - 6, y=height - 5, fill="var(--soft)", font_size=11, text_anchor="end"))
-    return el("svg", *parts, class_="speed", viewBox=f"0 0 {width:g} {height:g}", role="img", aria_label="Speed")
-
-
-def _ticks(top: float) -> list[float]:
-    step = next((s for s in (5.0, 10.0, 20.0, 25.0, 50.0) if top / s <= 5.0), 100.0)
-    return [step * k for k in range(int(top / step) + 1)]
 
 
 def _frame(points: Floats) -> tuple[Floats, Floats]:

@@ -2,41 +2,66 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 
-from lavsim.errors import LavsimError
-from lavsim.types import DT
 from leaderboard.criteria.base import charges_of
 from leaderboard.record import write_text
-from leaderboard.recorded import RecordedDrive
-from leaderboard.report.drawing import map_drawing, speed_drawing
-from leaderboard.report.markup import Markup, el, join
+from leaderboard.report.drive import DriveReport, drive_name, duration, pill
+from leaderboard.report.hazards import Tallies, hazard_table
+from leaderboard.report.markup import Child, Markup, el, join
 from leaderboard.report.style import STYLE
 from leaderboard.rules import get_rules
 from leaderboard.run import REPORT, Run
 from leaderboard.table import short_name
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-_JPEG_QUALITY = 86  # of embedded pictures; the files beside are lossless
 
 
 def write_report(run: Run) -> Path:
-    """Writes the report of `run` into its folder and gives its path."""
+    """Writes the report of `run` and the replays of its drives into its folder, and gives the report's path."""
     path = run.folder / REPORT
-    write_text(path, page(run))
+    write_text(path, page(run, with_replays=True))
     return path
 
 
-def page(run: Run) -> str:
-    """The whole document."""
+def page(run: Run, with_replays: bool = False) -> str:
+    """The whole document.
+
+    Args:
+        run: The run.
+        with_replays: Whether the replays of its drives are written, too.
+    """
     config = run.run.get("config", {})
     title = f"{config.get('agent', 'agent')} on {config.get('routes', 'routes')}"
+    tallies: Tallies = {}
+    sections = []
+    for record in run.records:
+        drive = DriveReport(run, record, with_replays)  # one at a time: a drive's numbers take tens of megabytes
+        drive.count(tallies)
+        sections.append(drive.section())
+    hazards = hazard_table(tallies)
+    return document(
+        title,
+        el("p", _subtitle(run), class_="soft"),
+        _notes(run),
+        _tiles(run),
+        el("h2", "Routes"),
+        _routes(run),
+        _repeated(run),
+        el("h2", "Infractions"),
+        _infractions(run),
+        join(el("h2", "Hazards"), hazards) if hazards is not None else None,
+        el("h2", "Drives"),
+        sections,
+        _footer(run),
+    )
+
+
+def document(title: str, *content: Child) -> str:
+    """An HTML document in the report's style."""
     head = el(
         "head",
         el("meta", charset="utf-8"),
@@ -45,21 +70,7 @@ def page(run: Run) -> str:
         el("title", title),
         el("style", Markup(STYLE)),
     )
-    body = el(
-        "main",
-        el("h1", title),
-        el("p", _subtitle(run), class_="soft"),
-        _notes(run),
-        _tiles(run),
-        el("h2", "Routes"),
-        _routes(run),
-        el("h2", "Infractions"),
-        _infractions(run),
-        el("h2", "Drives"),
-        [_drive(run, record) for record in run.records],
-        _footer(run),
-    )
-    return "<!doctype html>\n" + el("html", head, el("body", body), lang="en") + "\n"
+    return "<!doctype html>\n" + el("html", head, el("body", el("main", el("h1", title), content)), lang="en") + "\n"
 
 
 def _subtitle(run: Run) -> str:
@@ -93,7 +104,7 @@ def _tiles(run: Run) -> Markup:
         "div",
         "Targets reached",
         el("b", f"{done} of {run.results['_checkpoint']['progress'][1]}"),
-        el("span", f"{_minutes(meta.get('duration_game', 0.0))} simulated", class_="soft small"),
+        el("span", f"{duration(meta.get('duration_game', 0.0))} simulated", class_="soft small"),
         class_="tile",
     )
     return el(
@@ -118,9 +129,9 @@ def _routes(run: Run) -> Markup:
         rows.append(
             el(
                 "tr",
-                el("td", el("a", _name(run, record), href=f"#drive-{record['index']}")),
+                el("td", el("a", drive_name(run, record), href=f"#drive-{record['index']}")),
                 el("td", drive.get("town", "")),
-                el("td", _pill(record["status"])),
+                el("td", pill(record["status"])),
                 el("td", f"{scores['score_route']:.1f} %", class_="num bar", style=share),
                 el("td", f"{scores['score_penalty']:.3f}", class_="num"),
                 el("td", el("b", f"{scores['score_composed']:.1f}"), class_="num"),
@@ -128,6 +139,30 @@ def _routes(run: Run) -> Markup:
             )
         )
     return el("div", el("table", el("thead", head), el("tbody", rows)), class_="card wide")
+
+
+def _repeated(run: Run) -> Markup | None:
+    """Mean and deviation of each route over its repetitions; None where there are none."""
+    scores: dict[str, list[float]] = {}
+    for record in run.records:
+        route = str(run.drive(record["index"]).get("route", record["route_id"]))
+        scores.setdefault(route, []).append(float(record["scores"]["score_composed"]))
+    if max(map(len, scores.values()), default=0) < 2:
+        return None
+    rows = [
+        el(
+            "tr",
+            el("td", f"Route {route}"),
+            el("td", str(len(found)), class_="num"),
+            el("td", f"{np.mean(found):.1f}", class_="num"),
+            el("td", f"{np.std(found, ddof=1):.1f}" if len(found) > 1 else "-", class_="num"),
+            el("td", f"{min(found):.1f} to {max(found):.1f}", class_="num"),
+        )
+        for route, found in scores.items()
+    ]
+    names = ("drives", "mean score", "deviation", "range")
+    head = el("tr", el("th", "route"), [el("th", name, class_="num") for name in names])
+    return el("div", el("table", el("thead", head), el("tbody", rows)), class_="card wide", style="margin-top: 12px")
 
 
 def _infractions(run: Run) -> Markup:
@@ -158,104 +193,7 @@ def _infractions(run: Run) -> Markup:
     )  # fmt: skip
 
 
-def _drive(run: Run, record: dict[str, Any]) -> Markup:
-    drive, scores, meta = run.drive(record["index"]), record["scores"], record["meta"]
-    facts = [
-        ("score", f"{scores['score_composed']:.2f}"),
-        ("completion", f"{scores['score_route']:.2f} %"),
-        ("penalty", f"{scores['score_penalty']:.4f}"),
-        ("route", f"{drive.get('dense_length', meta['route_length']):.0f} m"),
-        ("time", _minutes(meta["duration_game"])),
-        ("seed", str(drive.get("seed", "?"))),
-        ("traffic", str(drive.get("traffic", "?"))),
-        ("speed of simulation", f"{drive.get('real_time_factor', 0.0):.1f} x real time"),
-    ]
-    message = drive.get("agent_message")
-    return el(
-        "section",
-        el("div", el("h3", _name(run, record)), el("span", drive.get("town", ""), class_="soft"),
-           _pill(record["status"]), class_="head"),
-        el("p", [el("span", el("span", f"{name} ", class_="soft"), value) for name, value in facts],
-           class_="facts small"),
-        el("p", "The agent ended it: ", el("span", message, class_="mono")) if message else None,
-        _pictures(run, drive),
-        class_="card drive",
-        id=f"drive-{record['index']}",
-    )  # fmt: skip
-
-
-def _pictures(run: Run, drive: dict[str, Any]) -> Markup:
-    infractions = drive.get("infractions", [])
-    drawn, speed = _from_log(run, drive, infractions)
-    events = [
-        el(
-            "li",
-            el("span", str(number), class_="dot"),
-            el(
-                "div",
-                el("p", el("b", short_name(entry["key"]).capitalize()), f" at {_moment(drive, entry)}"),
-                el("p", entry["message"], class_="soft small"),
-            ),
-        )
-        for number, entry in enumerate(infractions, 1)
-    ]
-    listed = el("ol", events, class_="events") if events else el("p", "No infractions.", class_="soft")
-    return join(el("div", drawn, el("div", listed, speed), class_="pair"), _sheet(run, drive))
-
-
-def _from_log(run: Run, drive: dict[str, Any], infractions: list[dict[str, Any]]) -> tuple[Markup, Markup | None]:
-    """The map and the speed chart."""
-    if not drive.get("log"):
-        return el("p", "No recorded drive.", class_="soft"), None
-    try:
-        recorded = RecordedDrive.open(run.folder / drive["log"], _town_path(run))
-        snapshots = [(s.tick, s.ego.x, s.ego.y, s.ego.speed) for s in recorded.log]
-    except LavsimError as error:
-        return el("p", f"The recorded drive can't be shown: {error}", class_="soft"), None
-    driven = np.array(snapshots, np.float64).reshape(-1, 4)
-    first = int(driven[0, 0]) if len(driven) else 0
-    drawing = map_drawing(recorded.town, recorded.route, driven[:, 1:3], infractions)
-    speed = speed_drawing((driven[:, 0] - first) * DT, driven[:, 3], infractions, first) if len(driven) else None
-    caption = el("figcaption", "Dashed: the route. Solid: what was driven. Ringed: start (blue) and target (green).")
-    return el("figure", drawing, caption), speed
-
-
-def _sheet(run: Run, drive: dict[str, Any]) -> Markup | None:
-    path = run.folder / str(drive.get("picture"))
-    image = cv2.imread(str(path)) if drive.get("picture") and path.is_file() else None
-    if image is None:
-        return None
-    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    source = "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
-    height, width = image.shape[:2]
-    alt = "Contact sheet: bird's-eye view, cameras and LiDAR"
-    return el("figure", el("img", src=source, alt=alt, width=width, height=height, loading="lazy"), class_="sheet")
-
-
 def _footer(run: Run) -> Markup:
     shown = {"config": run.run.get("config", {}), "versions": run.run.get("versions", {})}
     text = json.dumps(shown, indent=2)
     return el("details", el("summary", "Configuration and versions"), el("pre", text, class_="mono"))
-
-
-def _pill(status: str) -> Markup:
-    return el("span", status, class_="pill good" if status in ("Completed", "Perfect") else "pill bad")
-
-
-def _name(run: Run, record: dict[str, Any]) -> str:
-    drive = run.drive(record["index"])
-    name = f"Route {drive.get('route', record['route_id'])}"
-    repeated = int(run.run.get("config", {}).get("repetitions", 1)) > 1
-    return f"{name}, repetition {drive.get('repetition', 0)}" if repeated else name
-
-
-def _moment(drive: dict[str, Any], entry: dict[str, Any]) -> str:
-    return _minutes(int(entry["tick"]) * DT)
-
-
-def _minutes(seconds: float) -> str:
-    return f"{seconds:.1f} s" if seconds < 60.0 else f"{int(seconds // 60)}:{seconds % 60:04.1f} min"
-
-
-def _town_path(run: Run) -> tuple[Path, ...]:
-    return tuple(Path(p) for p in run.run.get("config", {}).get("town_path", ()))

@@ -55,9 +55,10 @@ figure { margin: 0; }
 figcaption { color: var(--soft); font-size: .86rem; margin-top: 4px; }
 svg { display: block; width: 100%; height: auto; border-radius: 8px; }
 svg.map { background: var(--land); }
-svg.speed { margin-top: 14px; }
+.scatter figure { max-width: 420px; }
+svg.chart { margin-bottom: 10px; }
 svg text { font-family: system-ui, sans-serif; }
-.events { margin: 0; padding: 0; list-style: none; }
+.events { margin: 12px 0 0; padding: 0; list-style: none; max-height: 420px; overflow-y: auto; }
 .events li { display: grid; grid-template-columns: 26px minmax(0, 1fr); gap: 0 8px; padding: 6px 0;
   border-bottom: 1px solid var(--edge); }
 .events li:last-child { border-bottom: 0; }

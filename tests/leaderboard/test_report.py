@@ -43,9 +43,10 @@ def test_report_needs_nothing_outside_itself(run: Run) -> None:
     path = write_report(run)
     assert path == run.folder / "report.html"
     text = path.read_text()
-    assert not re.search(r"""(src|href)=["'](?!data:|#)""", text)
+    assert not re.search(r"""(src|href)=["'](?!data:|#|replays/RouteScenario_\d_rep0\.html)""", text)
     assert "http" not in text.replace("http-equiv", "").lower()
-    assert text.count("<svg") == 6  # a map and a speed chart for each drive
+    assert text.count("<svg") == 18  # a map and five charts for each drive
+    assert all((run.folder / "replays" / f"RouteScenario_{k}_rep0.html").is_file() for k in range(3))
     assert text.count("data:image/jpeg;base64,") == 3
     assert str(run.folder) not in text
 
