@@ -23,7 +23,7 @@ from lavsim.map.planner import get_planner
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite, make_sensor
-from lavsim.sensors.suites import SUITES
+from lavsim.sensors.suites import SUITES, with_look
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control
 
@@ -43,14 +43,16 @@ def bench() -> dict[str, float]:
         simulation.tick(Control(brake=1.0))
     scene = get_scene(town)
     suite = SensorSuite(scene, SUITES["lav"], simulation.draws)
+    full = SensorSuite(scene, with_look(SUITES["lav"], "full"), simulation.draws)
 
-    def world_and_suite() -> None:
+    def world_and(suite: SensorSuite) -> None:
         simulation.tick(Control(brake=1.0))
         suite.read(simulation.recent(suite.history + 1))
 
     return {
         "world_ticks_per_s": 1.0 / _median_seconds(lambda: simulation.tick(Control(brake=1.0)), 400),
-        "suite_ticks_per_s": 1.0 / _median_seconds(world_and_suite, 40),
+        "suite_ticks_per_s": 1.0 / _median_seconds(lambda: world_and(suite), 40),
+        "suite_full_ticks_per_s": 1.0 / _median_seconds(lambda: world_and(full), 20),
         "log_frames_per_s": 1.0 / _log_seconds(simulation),
         "lidar_ms": 1e3 * _sensor_seconds(simulation, {"type": "sensor.lidar.ray_cast", "id": "lidar", "z": 2.4}),
         "camera_ms": 1e3
@@ -58,6 +60,7 @@ def bench() -> dict[str, float]:
             simulation,
             {"type": "sensor.camera.rgb", "id": "camera", "x": 1.5, "z": 2.4, "width": 256, "height": 288, "fov": 64},
         ),
+        "bev_ms": 1e3 * _sensor_seconds(simulation, {"type": "sensor.lavsim.bev", "id": "bev"}),
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         / (1024 if sys.platform == "linux" else 2**20),
     }

@@ -180,7 +180,7 @@ class Simulation:
         self._walkers.control(lights)
         if self.spec.wet_friction:
             self._world.grip = road_grip(self._weather())
-        self._world.drive_ego(_as_logged(control))
+        self._world.drive_ego(control)
         self._world.step()
         self._follow_ground()
         self._track_route()
@@ -261,14 +261,3 @@ def _walls(town: TownMap) -> list[NDArray[np.float64]]:
     prisms = town.scenery.prisms
     solid = np.flatnonzero(prisms.solid & (prisms.z0 < 1.0))
     return [prisms.vertices[k, : prisms.count[k]] for k in solid]
-
-
-def _as_logged(control: Control) -> Control:
-    """The control with float32 values: what the log will hold is exactly what the world applies."""
-    return Control(
-        float(np.float32(control.throttle)),
-        float(np.float32(control.steer)),
-        float(np.float32(control.brake)),
-        bool(control.hand_brake),
-        bool(control.reverse),
-    )
