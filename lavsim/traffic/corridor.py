@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import lean_kernel as kernel
 from lavsim.map.town_map import TownMap
+from lavsim.portable_math import cos_sin
 from lavsim.traffic.obstacles import LOOKAHEAD_TIME, Boxes
 from lavsim.types import LaneType
 
@@ -67,7 +68,7 @@ def _is_inside(corridor: Corridor, x: float, y: float) -> bool:
 def is_in_the_way(corridor: Corridor, boxes: Boxes, i: int) -> bool:
     """Whether box `i` reaches into the corridor where it is."""
     x, y, yaw = boxes.pose[i, 0], boxes.pose[i, 1], boxes.pose[i, 2]
-    cos, sin = math.cos(yaw), math.sin(yaw)
+    cos, sin = cos_sin(yaw)
     along, across = int(2.0 * boxes.half[i, 0] / _PIXEL) + 1, int(2.0 * boxes.half[i, 1] / _PIXEL) + 1
     for a in range(along + 1):
         for c in range(across + 1):

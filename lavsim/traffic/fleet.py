@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import lean_kernel as kernel
 from lavsim.kernel_draws import draw_at, draw_base
+from lavsim.portable_math import cos_sin
 from lavsim.traffic.drivers import TRAITS
 from lavsim.traffic.network import Lanes, lane_point
 
@@ -118,7 +118,7 @@ def advance(lanes: Lanes, fleet: Fleet, i: int, x: float, y: float) -> float:
     for _ in range(2):
         px, py, yaw, _curvature = lane_point(lanes, fleet.lane[i], fleet.u[i])
         dx, dy = x - px, y - py
-        cos, sin = math.cos(yaw), math.sin(yaw)
+        cos, sin = cos_sin(yaw)
         fleet.u[i] += dx * cos + dy * sin
         offset = dy * cos - dx * sin
         while fleet.u[i] >= lanes.length[fleet.lane[i]] and fleet.path[i, 0] >= 0:

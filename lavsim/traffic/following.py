@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import lean_kernel as kernel
+from lavsim.portable_math import atan, cos_sin
 from lavsim.traffic.drivers import (
     ACCELERATION,
     CORNERING,
@@ -118,7 +119,8 @@ def obstacle_ahead(
         at = begin + (p - lanes.first[lane]) * lanes.step[lane]
         if is_shifted:
             shift, slope, _bend = plan_at(fleet, i, at)
-            x, y, yaw = x - shift * math.sin(yaw), y + shift * math.cos(yaw), yaw + math.atan(slope)
+            cos, sin = cos_sin(yaw)
+            x, y, yaw = x - shift * sin, y + shift * cos, yaw + atan(slope)
             cell = cell_at(grid, x, y)
         if cell >= 0 and grid.head[cell] >= 0:
             gap, other, who = obstacle_at(grid, boxes, row, (x, y, yaw), distance / pace, margin)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import lean_kernel as kernel
 from lavsim.map.town_map import TownMap
+from lavsim.portable_math import cos_sin
 from lavsim.types import LaneType
 
 LATERAL_ACCELERATION = 2.0  # [m/s²] of an ordinary driver in bends
@@ -205,7 +205,7 @@ def project(lanes: Lanes, lane: int, u: float, x: float, y: float) -> tuple[floa
     """
     px, py, yaw, _curvature = lane_point(lanes, lane, u)
     dx, dy = x - px, y - py
-    cos, sin = math.cos(yaw), math.sin(yaw)
+    cos, sin = cos_sin(yaw)
     return min(max(u, 0.0), lanes.length[lane]) + dx * cos + dy * sin, dy * cos - dx * sin, yaw
 
 

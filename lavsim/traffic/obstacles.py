@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import lean_kernel as kernel
+from lavsim.portable_math import cos_sin
 
 CELL = 8.0  # [m]
 LOOKAHEAD_TIME = 2.0  # [s] how far ahead a crossing road user is expected to keep its velocity
@@ -129,7 +130,8 @@ def enter_moving(grid: Grid, boxes: Boxes, how: NDArray[np.uint8], margin: float
 
 @kernel
 def _enter(grid: Grid, boxes: Boxes, i: int, time: float, margin: float, used: int) -> int:
-    cos, sin = abs(math.cos(boxes.pose[i, 2])), abs(math.sin(boxes.pose[i, 2]))
+    cos, sin = cos_sin(boxes.pose[i, 2])
+    cos, sin = abs(cos), abs(sin)
     reach_x = boxes.half[i, 0] * cos + boxes.half[i, 1] * sin + margin
     reach_y = boxes.half[i, 0] * sin + boxes.half[i, 1] * cos + margin
     x, y = boxes.pose[i, 0] - grid.origin[0], boxes.pose[i, 1] - grid.origin[1]
@@ -180,7 +182,7 @@ def obstacle_at(
     entry = grid.head[cell]
     if entry < 0:
         return nearest, speed, who
-    path_x, path_y = math.cos(yaw), math.sin(yaw)
+    path_x, path_y = cos_sin(yaw)
     while entry >= 0:
         i = grid.box[entry]
         entry = grid.follow[entry]
@@ -206,7 +208,7 @@ def _gap_to(
     reach = half_length + half_width + margin
     if abs(dx) > reach or abs(dy) > reach:
         return np.inf
-    cos, sin = math.cos(boxes.pose[i, 2]), math.sin(boxes.pose[i, 2])
+    cos, sin = cos_sin(boxes.pose[i, 2])
     if abs(dx * cos + dy * sin) > half_length + margin or abs(dy * cos - dx * sin) > half_width + margin:
         return np.inf
     reach = abs(cos * path_x + sin * path_y) * half_length + abs(cos * path_y - sin * path_x) * half_width

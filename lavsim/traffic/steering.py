@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from lavsim.kernel import lean_kernel as kernel
+from lavsim.portable_math import asin, atan
 from lavsim.traffic.fleet import FROM, GONE_ALONG, HOLD, LEAD_IN, TO, Fleet, plan_at
 from lavsim.traffic.near import Near
 from lavsim.traffic.network import Lanes, lane_point
@@ -30,8 +31,8 @@ def steer(lanes: Lanes, fleet: Fleet, boxes: Boxes, i: int, speed: float) -> flo
     shift, slope, bend = plan_at(fleet, i, 0.0)
     curvature += bend
     rear = 0.58 * boxes.half[row, 0]  # as World: rear axle behind the centre
-    slip = math.asin(max(-0.9, min(0.9, curvature * rear)))
-    error = boxes.pose[row, 2] + slip - yaw - math.atan(slope)
+    slip = asin(max(-0.9, min(0.9, curvature * rear)))
+    error = boxes.pose[row, 2] + slip - yaw - atan(slope)
     error -= 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
     reach = max(_STEER_LENGTH, _STEER_TIME * speed)
     bend = curvature - (fleet.offset[i] - shift) / reach**2 - 2.0 * error / reach
