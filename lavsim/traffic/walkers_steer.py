@@ -22,6 +22,7 @@ ROOM = 0.08  # [m] kept between bodies
 WANTED_ROOM = 0.2  # [m] that they like to keep
 BODY = 1.25  # radius of a walker, in half widths of its box: it has corners
 FAST_VEHICLE = 2.0  # [m/s] vehicles above that are the road's business
+STEADY = 0.5  # price of a change of velocity [s/m]: who has begun to give way goes on with it
 _ANGLES = (0.0, 0.4, -0.4, 0.85, -0.85, 1.35, -1.35, 2.2, -2.2)  # [rad], to the right first
 _PACES = (1.0, 0.55, 0.25)
 _WALKER, _LAST_VEHICLE = int(ActorClass.WALKER), int(ActorClass.BICYCLE)
@@ -193,7 +194,8 @@ def make_way(
     price, _ = squeeze(actors, own, near, count, vx, vy)
     if price == 0.0:
         return wish
-    best = price
+    swerve = (vx - actors.velocity[own, 0]) ** 2 + (vy - actors.velocity[own, 1]) ** 2
+    best = price + STEADY * math.sqrt(swerve)
     x, y = actors.pose[own, 0], actors.pose[own, 1]
     pace = math.sqrt(vx * vx + vy * vy)
     chosen_x, chosen_y = vx, vy
@@ -202,6 +204,8 @@ def make_way(
         for p in range(len(_PACES)):
             cx, cy = (wish[0] * cos - wish[1] * sin) * _PACES[p], (wish[0] * sin + wish[1] * cos) * _PACES[p]
             cost = (1.6 if _ANGLES[a] > 0.0 else 1.9) * abs(_ANGLES[a]) * _PACES[p] + 2.2 * (1.0 - _PACES[p])
+            swerve = (cx - actors.velocity[own, 0]) ** 2 + (cy - actors.velocity[own, 1]) ** 2
+            cost += STEADY * math.sqrt(swerve)
             if cost >= best:
                 continue
             for step in range(1, 3):
