@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from lavsim.geometry import box_corners
 from lavsim.map.prisms import Prisms
 from lavsim.render.heights import CELL
+from lavsim.render.kerbs import BURIED, HEIGHT
 from lavsim.render.scene import Scene
 from lavsim.render.shapes import Look, parts_of
+from lavsim.render.solids import Solids
 from lavsim.render.terrain import DECK_DEPTH
 from lavsim.world.snapshot import Snapshot
 
@@ -67,7 +69,8 @@ class Meshes:
     def __init__(self, scene: Scene, snapshot: Snapshot, eye: Floats, reach: float = 130.0) -> None:
         prisms = scene.town.scenery.prisms
         near = np.hypot(*(prisms.vertices[:, 0] - eye[:2]).T) < reach + 40.0
-        solids = _upright(prisms.select(near)) + _decks(scene) + _actors(snapshot)
+        solids = _upright(prisms.select(near)) + _slabs(scene.terrain.decks, DECK_DEPTH, True) + _actors(snapshot)
+        solids += _slabs(scene.terrain.kerbs, HEIGHT + BURIED, False)
         self.solids = [solid for solid in solids if not _is_inside(solid, eye)]
         corners, faces, owner = [], [], []
         for number, solid in enumerate(self.solids):
@@ -134,15 +137,14 @@ def _actors(snapshot: Snapshot) -> list[Solid]:
     return found
 
 
-def _decks(scene: Scene) -> list[Solid]:
-    """Slabs of bridges, by their corners; the plane of a slab is fitted, so neighbours meet to millimetres only."""
-    decks = scene.terrain.decks
+def _slabs(slabs: Solids | None, depth: float, is_deck: bool) -> list[Solid]:
+    """Decks or kerb stones: their corners, at the heights of their planes, and the same `depth` lower."""
     found = []
-    for k in range(0 if decks is None else len(decks.corners)):
-        ring = decks.xy[k, : decks.corners[k]]  # type: ignore[union-attr]
-        height = decks.z1[k] + (ring - decks.centre[k]) @ decks.tilt[k]  # type: ignore[union-attr]
+    for k in range(0 if slabs is None else len(slabs.corners)):
+        ring = slabs.xy[k, : slabs.corners[k]]  # type: ignore[union-attr]
+        height = slabs.z1[k] + (ring - slabs.centre[k]) @ slabs.tilt[k]  # type: ignore[union-attr]
         top = np.column_stack([ring, height])
-        found.append(Solid(top - np.array([0.0, 0.0, DECK_DEPTH]), top, int(decks.tag[k]), 0, True))  # type: ignore[union-attr]
+        found.append(Solid(top - np.array([0.0, 0.0, depth]), top, int(slabs.tag[k]), 0, is_deck))  # type: ignore[union-attr]
     return found
 
 

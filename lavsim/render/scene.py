@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from lavsim.world.snapshot import ActorTable, Snapshot
 
 if TYPE_CHECKING:
     from lavsim.map.town_map import TownMap
+
+T = TypeVar("T")
 
 
 class _Templates(NamedTuple):
@@ -48,7 +51,7 @@ class Scene:
 
     Attributes:
         terrain: The ground: what it is made of, how high it lies, and bridges.
-        statics: Scenery, then the decks of bridges.
+        statics: Scenery, then kerb stones and the decks of bridges.
     """
 
     def __init__(
@@ -61,13 +64,15 @@ class Scene:
             prisms = town.scenery.prisms if prisms is None else prisms
         self._town = town
         self.terrain = level_terrain(ground) if isinstance(ground, GroundRaster) else ground
-        statics = solids_of(prisms)
-        self.statics = statics if self.terrain.decks is None else joined([statics, self.terrain.decks])
+        made = (self.terrain.kerbs, self.terrain.decks)
+        self.statics = joined([solids_of(prisms), *(solids for solids in made if solids is not None)])
         self._templates: tuple[ActorTable, _Templates] | None = None
         self._snapshot: Snapshot | None = None
         self._actors: Solids | None = None
         self._views: dict[tuple[Pinhole, Mount], Visibility] = {}
         self._spare: dict[tuple[int, ...], list[Buffers]] = {}
+        self._of_snapshot: dict[str, Any] = {}
+        self._of_statics: dict[str, tuple[Hashable, Any]] = {}
 
     @property
     def ground(self) -> GroundRaster:
@@ -122,9 +127,23 @@ class Scene:
             )
         return self._views[key]
 
+    def once_a_tick(self, snapshot: Snapshot, name: str, make: Callable[[], T]) -> T:
+        """What `make` gives, worked out once for all sensors of a tick."""
+        self._turn_to(snapshot)
+        if name not in self._of_snapshot:
+            self._of_snapshot[name] = make()
+        return cast(T, self._of_snapshot[name])
+
+    def while_same(self, name: str, key: Hashable, make: Callable[[], T]) -> T:
+        """What `make` gives about what stands still, worked out again when `key` is another."""
+        if name not in self._of_statics or self._of_statics[name][0] != key:
+            self._of_statics[name] = (key, make())
+        return cast(T, self._of_statics[name][1])
+
     def _turn_to(self, snapshot: Snapshot) -> None:
         if snapshot is not self._snapshot:
             self._snapshot, self._actors = snapshot, None
+            self._of_snapshot.clear()
             for view in self._views.values():
                 self._spare.setdefault(view.face.shape, []).append((view.face, view.inverse_depth))
             self._views.clear()

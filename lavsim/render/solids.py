@@ -102,29 +102,36 @@ def joined(parts: Sequence[Solids]) -> Solids:
     return Solids(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def plane_solid(corners: NDArray[np.float64], depth: float, tag: Tag, colour: tuple[int, int, int]) -> Solids:
-    """A slab whose top is the plane through `corners` (n, 3) that fits them best, `depth` [m] thick."""
-    vertices = np.repeat(corners[-1:, :2], MAX_VERTICES, axis=0)
-    vertices[: len(corners)] = corners[:, :2]
-    xy, count = _turned(vertices[None], np.array([len(corners)], np.int32))
-    centre = (corners[:, :2].min(axis=0) + corners[:, :2].max(axis=0)) / 2.0
-    system = np.column_stack([corners[:, :2] - centre, np.ones(len(corners))])
-    rise_x, rise_y, top = np.linalg.lstsq(system, corners[:, 2], rcond=None)[0]
-    one = np.ones(1, np.int32)
+def slabs(
+    quads: NDArray[np.float64],
+    depth: float,
+    tag: Tag,
+    colour: tuple[int, int, int],
+    material: Material = Material.DECK,
+) -> Solids:
+    """Slabs whose tops are the planes through `quads` (N, 4, 3) that fit them best, `depth` [m] thick."""
+    count = len(quads)
+    vertices = np.concatenate([quads[..., :2], np.repeat(quads[:, -1:, :2], MAX_VERTICES - 4, axis=1)], axis=1)
+    xy, corners = _turned(vertices, np.full(count, 4, np.int32))
+    centre = (quads[..., :2].min(axis=1) + quads[..., :2].max(axis=1)) / 2.0
+    offset = quads[..., :2] - centre[:, None]
+    system = np.concatenate([offset, np.ones((count, 4, 1))], axis=2)
+    plane = np.linalg.pinv(system) @ quads[..., 2:]
+    top, one = plane[:, 2, 0], np.ones(count, np.int32)
     return Solids(
-        xy=xy,
-        corners=count,
-        z0=np.array([top - depth]),
-        z1=np.array([top]),
-        centre=centre[None],
-        radius=np.array([np.hypot(*(corners[:, :2] - centre).T).max()]),
-        tag=np.array([tag], np.uint8),
-        material=np.array([Material.DECK], np.uint8),
-        colour=np.array([colour], np.float32),
+        xy=np.ascontiguousarray(xy),
+        corners=corners,
+        z0=top - depth,
+        z1=top,
+        centre=centre,
+        radius=np.hypot(offset[..., 0], offset[..., 1]).max(axis=1),
+        tag=np.full(count, tag, np.uint8),
+        material=np.full(count, material, np.uint8),
+        colour=np.tile(np.array(colour, np.float32), (count, 1)),
         instance=0 * one,
         light=-one,
         state=-one,
-        tilt=np.array([[rise_x, rise_y]]),
+        tilt=np.ascontiguousarray(plane[:, :2, 0]),
     )
 
 

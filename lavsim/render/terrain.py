@@ -8,9 +8,10 @@ a raster of their own for what is painted on them. A town without heights gets a
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,8 @@ from lavsim.cache import replace_atomically
 from lavsim.map.lane import CLEAR_HEIGHT
 from lavsim.render.ground import GroundRaster, Level, cached_array, ground_raster, whole_bounds
 from lavsim.render.heights import CELL, LEVEL_GROUND, Heights, heights_at, heights_of, level_ground
-from lavsim.render.solids import Solids, joined, plane_solid
+from lavsim.render.kerbs import kerb_quads, kerb_solids
+from lavsim.render.solids import Solids, slabs
 from lavsim.types import Tag
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-VERSION = 2  # of the heights and decks; raise it whenever others come out
+VERSION = 3  # of heights, decks and kerbs; raise it whenever others come out
 LEVEL = 0.005  # [m] a town whose lanes differ by less is level
 DECK_REACH = 15.0  # [m] of road before and after what it passes over that is deck too
 DECK_STEP = 4.0  # [m] length of a slab at most
@@ -53,12 +55,14 @@ class Terrain:
         heights: How high it lies.
         decks: Slabs of bridges, `Material.DECK`; None without bridges.
         deck_raster: What lies on them; one empty cell without bridges.
+        kerbs: Stones along the sidewalks; None without sidewalks.
     """
 
     raster: GroundRaster
     heights: Heights
     decks: Solids | None
     deck_raster: GroundRaster
+    kerbs: Solids | None = None
 
 
 def level_terrain(raster: GroundRaster) -> Terrain:
@@ -89,7 +93,7 @@ class Decks:
     @cached_property
     def slabs(self) -> Solids | None:
         """The decks, cut across the road into pieces that are plane to millimetres."""
-        parts = []
+        quads = []
         for road, begin, end in self.spans:
             shape = self.town.shapes[road]
             for index in range(len(shape.road.sections)):
@@ -101,9 +105,8 @@ class Decks:
                 s = np.linspace(low, high, int(np.ceil((high - low) / DECK_STEP)) + 1)
                 left, right = (section.polyline(section.edge(lane, s), s) for lane in (ids[-1], ids[0]))
                 for k in range(len(s) - 1):
-                    quad = np.stack([left[k], left[k + 1], right[k + 1], right[k]])
-                    parts.append(plane_solid(quad, DECK_DEPTH, Tag.BRIDGE, CONCRETE))
-        return joined(parts) if parts else None
+                    quads.append(np.stack([left[k], left[k + 1], right[k + 1], right[k]]))
+        return slabs(np.array(quads), DECK_DEPTH, Tag.BRIDGE, CONCRETE) if quads else None
 
     @property
     def bounds(self) -> Floats:
@@ -142,23 +145,35 @@ def terrain_of(town: TownMap) -> Terrain:
     z = town.lanes.points[:, 2]
     if len(z) == 0 or np.ptp(z) < LEVEL:
         height = float(np.median(z)) if len(z) else 0.0
-        return Terrain(ground_raster(town), level_ground(height), None, _NO_DECK_RASTER)
+        return Terrain(ground_raster(town), level_ground(height), None, _NO_DECK_RASTER, _kerbs(town))
     decks, bounds = Decks(town), whole_bounds(town)
-    path = cached_array("heights", town, VERSION, bounds)
-    if not path.exists():
-        buffer = io.BytesIO()
-        np.save(buffer, _nodes(town, decks))
-        replace_atomically(path, buffer.getvalue())
-    heights = heights_of(np.load(path, allow_pickle=False), float(bounds[0]), float(bounds[1]))
+    nodes = _kept("heights", town, lambda: _nodes(town, decks))
+    heights = heights_of(nodes, float(bounds[0]), float(bounds[1]))
 
     def on_ground(points: Floats, z: Floats) -> NDArray[np.bool_]:
         return ~(np.abs(heights_at(heights, points) - z) > DECK_DEPTH / 2.0)
 
     below = ground_raster(town, Level("ground", bounds, ~decks.covers(PAINTED), on_ground))
     if decks.slabs is None:
-        return Terrain(below, heights, None, _NO_DECK_RASTER)
+        return Terrain(below, heights, None, _NO_DECK_RASTER, _kerbs(town))
     above = Level(f"decks{VERSION}", decks.bounds, decks.covers(), decks.carry)
-    return Terrain(below, heights, decks.slabs, ground_raster(town, above))
+    return Terrain(below, heights, decks.slabs, ground_raster(town, above), _kerbs(town))
+
+
+def _kept(name: str, town: TownMap, make: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+    """An array from the cache folder, made when it is not there."""
+    path = cached_array(name, town, VERSION, whole_bounds(town))
+    if not path.exists():
+        buffer = io.BytesIO()
+        np.save(buffer, make())
+        replace_atomically(path, buffer.getvalue())
+    kept: NDArray[Any] = np.load(path, allow_pickle=False)
+    return kept
+
+
+def _kerbs(town: TownMap) -> Solids | None:
+    quads = _kept("kerbs", town, lambda: kerb_quads(town))
+    return kerb_solids(quads) if len(quads) else None
 
 
 def _owners(town: TownMap) -> NDArray[np.int64]:

@@ -18,7 +18,7 @@ from lavsim.render.frame import Pose, rotation
 from lavsim.render.ground import GroundRaster, Surface
 from lavsim.render.heights import Heights, height_at, heights_at, heights_of, level_within, meet_ground
 from lavsim.render.scene import Scene
-from lavsim.render.solids import Material, plane_solid, solids_of
+from lavsim.render.solids import Material, slabs, solids_of
 from lavsim.render.sweep import LidarModel, cast_sweep
 from lavsim.render.terrain import terrain_of
 from lavsim.render.zbuffer import NO_FACE, Pinhole, draw_visibility
@@ -103,7 +103,7 @@ def test_lidar_and_camera_see_the_slope(angles: tuple[float, float, float]) -> N
 
 def test_sloping_slab_is_met_from_above_below_and_the_side() -> None:
     corners = np.array([[5.0, -4.0, 3.0], [15.0, -4.0, 4.0], [15.0, 4.0, 4.0], [5.0, 4.0, 3.0]])
-    slab = plane_solid(corners, 0.5, Tag.BRIDGE, (150, 150, 150))
+    slab = slabs(corners[None], 0.5, Tag.BRIDGE, (150, 150, 150))
     for origin, rise in (((10.0, 0.0, 8.0), 0.0), ((10.0, 0.0, 1.0), -0.5)):  # top, then underside
         for angles in ((0.0, 0.0, 0.0), (0.0, 0.03, 1.0)):
             pose = Pose(np.array(origin), rotation(*angles))
