@@ -7,6 +7,7 @@ were (DESIGN section 4, "Random").
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,9 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _TO_UNIT = 2.0**-53
+_WORD = 2**64 - 1
+_FEW = 16  # words that plain numbers give faster than arrays do
+_GRID = 2.0**30  # normal draws are rounded to its inverse: libraries disagree about the last bits of logarithms
 
 
 def mix(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
@@ -50,6 +54,8 @@ class Draws:
 
     def bits(self, tick: int | NDArray[np.int64], count: int | NDArray[np.int64]) -> NDArray[np.uint64]:
         """Raw words for indices 0 … count-1 (or the given indices) at `tick` (uint64)."""
+        if isinstance(tick, int) and isinstance(count, int) and count <= _FEW:
+            return np.array(self._words(tick, range(count)), dtype=np.uint64)
         index = (
             np.arange(count, dtype=np.uint64) if isinstance(count, int | np.integer) else np.asarray(count, np.uint64)
         )
@@ -65,15 +71,31 @@ class Draws:
         """`(count,)` Gaussian numbers (Box-Muller on two words each)."""
         unit = self.uniform(tick, 2 * count)
         radius = np.sqrt(-2.0 * np.log1p(-unit[:count]))
-        return mean + std * radius * np.cos(2.0 * np.pi * unit[count:])
+        return mean + std * (np.rint(radius * np.cos(2.0 * np.pi * unit[count:]) * _GRID) / _GRID)
 
     def integer(self, tick: int, high: int, index: int = 0) -> int:
         """One number in 0 … high-1."""
-        return int(self.bits(tick, np.array([index]))[0] % np.uint64(high))
+        return self._words(tick, (index,))[0] % high
 
     def permutation(self, tick: int, count: int) -> NDArray[np.int64]:
         """The numbers 0 … count-1 in a drawn order."""
         return np.argsort(self.bits(tick, count), kind="stable")
+
+    def _words(self, tick: int, indices: Iterable[int]) -> list[int]:
+        """Words with these indices at `tick`."""
+        base = _mix_word(int(tick) * _GOLDEN_WORD + self.key)
+        return [_mix_word(base + (index + 1) * _GOLDEN_WORD) for index in indices]
+
+
+_GOLDEN_WORD, _MIX_1_WORD, _MIX_2_WORD = int(_GOLDEN), int(_MIX_1), int(_MIX_2)
+
+
+def _mix_word(value: int) -> int:
+    """`mix` of one word."""
+    value &= _WORD
+    value = ((value ^ (value >> 30)) * _MIX_1_WORD) & _WORD
+    value = ((value ^ (value >> 27)) * _MIX_2_WORD) & _WORD
+    return value ^ (value >> 31)
 
 
 def _digest(text: bytes) -> int:

@@ -33,6 +33,14 @@ def test_kernels_draw_the_same_words(seed: int, tick: int, index: int) -> None:
     assert unit_at(base, index) == draws.uniform(tick, index + 1)[index]
 
 
+@given(seed=st.integers(0, 2**40), tick=st.integers(-(2**62), 2**62), count=st.integers(0, 40))
+def test_few_draws_are_the_first_of_many(seed: int, tick: int, count: int) -> None:
+    draws = Draws.of_seed(seed)
+    many = draws.bits(tick, 60)
+    assert np.array_equal(draws.bits(tick, count), many[:count])
+    assert [draws.integer(tick, 1000, index) for index in range(count)] == [int(word) % 1000 for word in many[:count]]
+
+
 def test_uniform_and_normal_have_their_moments() -> None:
     stream = Draws.of_seed(1).stream("moments")
     unit = np.concatenate([stream.uniform(t, 1000) for t in range(100)])
