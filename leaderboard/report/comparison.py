@@ -96,9 +96,7 @@ def _verdict(found: Difference, other: str) -> str:
         return "No drive of one has a partner in the other."
     if found.low > 0.0 or found.high < 0.0:
         better = "higher" if found.mean > 0.0 else "lower"
-        return (
-            f"{other} scores {better}, by {abs(found.mean):.1f} points ({abs(found.low):.1f} to {abs(found.high):.1f})."
-        )
+        return f"{other} scores {better}: {found.mean:+.1f} points ({found.low:+.1f} to {found.high:+.1f})."
     told = f"; these pairs would show {found.smallest:.1f} points or more" if found.smallest < 1e9 else ""
     return f"No difference in driving score is shown{told}."
 

@@ -99,3 +99,48 @@ def test_folder_with_a_run_is_replaced_only_on_demand(tmp_path: Path) -> None:
     assert not list((made.folder / "logs").iterdir())
     with pytest.raises(OutputError, match="is a file; a folder is expected"):
         claim_folder(made.folder / "notes.txt", overwrite=True)
+
+
+def changed(made: Run, drive: int, **entries: object) -> Run:
+    """A run with other entries in one drive of its run file."""
+    drives = [{**d, **entries} if d["index"] == drive else d for d in made.run["drives"]]
+    return Run(made.folder, made.results, {**made.run, "drives": drives})
+
+
+def test_infractions_lead_into_the_replay(run: Run) -> None:
+    write_report(run)
+    text = page(run)
+    assert 'href="replays/RouteScenario_1_rep0.html#t=6.00"' in text
+    assert 'href="replays/RouteScenario_1_rep0.html#t=12.00"' in text
+
+
+def test_report_of_hundreds_of_infractions_lists_all_and_draws_some(tmp_path: Path) -> None:
+    made = make_run(tmp_path / "a")
+    one = made.run["drives"][1]["infractions"][0]
+    text = page(changed(made, 1, infractions=[{**one, "tick": 10 + k} for k in range(350)]))
+    assert text.count('<span class="dot">') == 350
+    assert text.count("<circle") < 250
+
+
+def test_report_says_when_a_recording_is_cut_short(tmp_path: Path) -> None:
+    made = make_run(tmp_path / "a")
+    log = made.folder / made.run["drives"][1]["log"]
+    log.write_bytes(log.read_bytes()[:-100])
+    text = page(made)
+    assert text.count("The recording is cut short.") == 1
+    assert text.count("<svg") == 18
+
+
+def test_drive_that_never_began_is_reported(tmp_path: Path) -> None:
+    made = make_run(tmp_path / "a")
+    text = page(changed(made, 2, log=None, picture=None, agent_message=f"set-up raised {EVIL}"))
+    assert "No recorded drive." in text
+    assert "<script" not in text
+
+
+def test_repetitions_of_a_route_get_mean_and_deviation(run: Run) -> None:
+    assert "deviation" not in page(run).split("<h2>Routes</h2>")[1].split("<h2>")[0]
+    text = page(changed(changed(run, 1, route="7"), 2, route="7", repetition=1))
+    part = text.split("<h2>Routes</h2>")[1].split("<h2>")[0]
+    assert "Route 7" in part
+    assert "deviation" in part

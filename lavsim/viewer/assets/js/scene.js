@@ -136,7 +136,7 @@ export class Scene {
     const width = actors.size[row][1] * Math.min(grow, 8);
     context.lineWidth = Math.max(0.12, pixel);
     context.strokeStyle = role === 2 ? palette.scenario : palette.ink;
-    if (role === 2) context.lineWidth = Math.max(0.3, 2 * pixel);
+    if (role === 2) context.lineWidth = Math.max(kind === WALKER ? 0.12 : 0.3, 2 * pixel);
     context.globalAlpha = role === 3 ? 0.6 : 1;
     context.fillStyle = fill;
     if (kind === WALKER) drawWalker(context, Math.max(length, width) / 2, pixel);
