@@ -106,7 +106,8 @@ def _beams(pose: Pose, tick: int) -> np.ndarray:
 def check_camera(scene: Scene, snapshot: Snapshot, view: CameraView) -> np.ndarray:
     """Pixels of solids compared, those with another tag, all pixels compared, those with another depth."""
     pose = view.mount.pose(snapshot)
-    meshes = Meshes(scene, snapshot, pose.origin, 400.0)
+    reach = 400.0 if scene.terrain.heights.is_level else 150.0  # slopes have two triangles a square metre
+    meshes = Meshes(scene, snapshot, pose.origin, reach)
     focal = view.width / (2.0 * np.tan(view.fov / 2.0))
     column, row = np.meshgrid(np.arange(view.width) + 0.5, np.arange(view.height) + 0.5)
     local = np.stack(
@@ -120,9 +121,9 @@ def check_camera(scene: Scene, snapshot: Snapshot, view: CameraView) -> np.ndarr
     known = np.append(meshes.tags, [255, 255])  # what owns nothing: ground (-1) and sky (-2)
     inner = maximum_filter(owner, 3) == minimum_filter(owner, 3)
     is_deck = np.append([solid.is_deck for solid in meshes.solids], [False, False])[owner]
-    solid = inner & (owner >= 0) & ~is_deck & (depth < 300.0)
+    solid = inner & (owner >= 0) & ~is_deck & (depth < 0.75 * reach)
     wrong_tag = solid & (tags != known[owner])
-    seen = inner & np.isfinite(depth) & (depth < 300.0)
+    seen = inner & np.isfinite(depth) & (depth < 0.75 * reach)
     with np.errstate(invalid="ignore"):
         wrong_depth = seen & ~(np.abs(view.depth(snapshot, scene) - depth) <= 0.01 * depth)
     return np.array([solid.sum(), wrong_tag.sum(), seen.sum(), wrong_depth.sum()])
