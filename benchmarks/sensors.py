@@ -1,11 +1,12 @@
 """Milliseconds of processor time per reading of each sensor of the LAV suite, on one core.
 
-    python -m benchmarks.sensors [--town eu_small_a] [--vehicles 100] [--walkers 50] [--places 40]
+    python -m benchmarks.sensors [--town eu_small_a] [--vehicles 100] [--walkers 50] [--places 40] [--embree]
 
 The ego stands at many places of a town among vehicles on the lanes and walkers beside them; medians over the
 places of the best of six readings.
 Every reading is of a fresh snapshot, so nothing is remembered from another reading; placing the actors is a row of its
-own. A tilted LiDAR and images by kind are measured besides.
+own. A tilted LiDAR, images by kind and the sensors that the suite lacks are measured besides. With `--embree` the same
+beams and pixels are cast by Embree over the same scene as triangles (tests/meshes.py), without building it.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ import numpy as np
 
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.random import Draws
+from lavsim.render.frame import Mount
 from lavsim.render.scene import Scene, get_scene
 from lavsim.render.sheet import CAMERAS
+from lavsim.render.sweep import LidarModel
 from lavsim.sensors.base import SensorSuite, make_sensor
 from lavsim.sensors.suites import LAV
 from lavsim.types import ActorClass, LaneType, LightState
@@ -30,6 +33,14 @@ from lavsim.world.snapshot import Snapshot
 from tests.snapshots import EGO, Body, snapshot_of
 
 REPEATS = 6
+OTHERS: tuple[dict[str, object], ...] = (
+    {"type": "sensor.lidar.ray_cast", "attributes": {"full_sweep": True}},
+    {"type": "sensor.lidar.ray_cast_semantic"},
+    {"type": "sensor.lavsim.lidar_raster"},
+    {"type": "sensor.other.radar"},
+    {"type": "sensor.lavsim.truth"},
+    {"type": "sensor.lavsim.truth", "visibility": True},
+)
 
 
 def bodies_of(town: TownMap, vehicles: int, walkers: int) -> list[Body]:
@@ -87,6 +98,7 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, default=100)
     parser.add_argument("--walkers", type=int, default=50)
     parser.add_argument("--places", type=int, default=40)
+    parser.add_argument("--embree", action="store_true")
     args = parser.parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     town, draws = load_town(args.town), Draws.of_seed(0)
@@ -109,11 +121,45 @@ def main() -> None:
         show(f"{values['id']} ({values['type']})", lambda s, sensor=sensor: sensor.read([s], scene, draws))  # type: ignore[misc]
     tilted = make_sensor({"type": "sensor.lidar.ray_cast", "id": "tilted", "z": 2.4, "pitch": 2.0})
     show("LiDAR, tilted by 2 degrees", lambda s: tilted.read([s], scene, draws))
+    for values in OTHERS:
+        other = make_sensor({"id": "other", "z": 2.4, **values})
+        show(str(values["type"]), lambda s, other=other: other.read([s], scene, draws))  # type: ignore[misc]
     for name, view in CAMERAS[1::2]:
         show(f"{name}: tags and depth", lambda s, view=view: (view.labels(s, scene), view.depth(s, scene)))  # type: ignore[misc]
         show(f"{name}: all four images", lambda s, view=view: view.render(s, scene))  # type: ignore[misc]
     suite = SensorSuite(scene, LAV, draws)
     show("the whole suite", lambda s: suite.read([s]), placed=False)
+    if args.embree:
+        show_embree(scene, snapshots)
+
+
+def show_embree(scene: Scene, snapshots: Sequence[Snapshot]) -> None:
+    """Embree's time for the beams that a half sweep sends, and for the pixels of the front camera."""
+    from tests.meshes import Meshes
+
+    model, (_, view) = LidarModel(), CAMERAS[1]
+    azimuth, elevation = model.azimuths(0), np.radians(np.linspace(model.upper, model.lower, model.channels))
+    flat, up = np.cos(elevation), np.sin(elevation)
+    beams = np.stack([np.outer(np.cos(azimuth), flat), np.outer(np.sin(azimuth), flat),
+                      np.outer(np.ones(len(azimuth)), up)], axis=-1).reshape(-1, 3)  # fmt: skip
+    beams = beams[np.random.default_rng(0).random(len(beams)) >= model.general_drop]
+    column, row = np.meshgrid(np.arange(view.width) + 0.5, np.arange(view.height) + 0.5)
+    focal = view.lens.focal
+    rays = np.stack([np.ones_like(column), (column - view.width / 2.0) / focal, -(row - view.height / 2.0) / focal], -1)
+    pixels = rays.reshape(-1, 3) / np.linalg.norm(rays.reshape(-1, 3), axis=1, keepdims=True)
+    best: dict[str, list[float]] = {"half sweep by Embree": [], "front camera by Embree": []}
+    for snapshot in snapshots[:10]:
+        pose = Mount(z=2.4).pose(snapshot)
+        meshes = Meshes(scene, snapshot, pose.origin, 130.0)
+        for name, directions in zip(best, (beams @ pose.axes.T, pixels @ pose.axes.T), strict=True):
+            times = []
+            for _ in range(REPEATS):
+                begin = time.thread_time()
+                meshes.first(directions)
+                times.append(time.thread_time() - begin)
+            best[name].append(min(times))
+    for name, times in best.items():
+        print(f"{name:34s} {float(np.median(times)) * 1e3:7.3f} ms")
 
 
 def snapshot_with(snapshot: Snapshot, table: object) -> Snapshot:

@@ -95,9 +95,14 @@ class Meshes:
     def actors(self) -> NDArray[np.int64]:
         return np.array([solid.actor for solid in self.solids], np.int64)
 
+    def first(self, directions: Floats) -> NDArray[np.int64]:
+        """Triangle that each ray (N, 3) from the eye meets first, -1 for none."""
+        found: NDArray[np.int64] = self._mesh.ray.intersects_first(np.zeros_like(directions), directions)
+        return found
+
     def cast(self, directions: Floats) -> View:
         """First hits of rays (N, 3) of length 1 from the eye; distances in float64, from the triangles' planes."""
-        first = self._mesh.ray.intersects_first(np.zeros_like(directions), directions)
+        first = self.first(directions)
         met = first >= 0
         a, b, c = np.moveaxis(self._corners[first], 1, 0)
         normal = np.cross(b - a, c - a)
