@@ -11,12 +11,17 @@ from lavsim.kernel import kernel
 from lavsim.random import Draws
 from lavsim.render.faces import DECK_FACE
 from lavsim.render.frame import Mount, Pose
+from lavsim.render.full import NO_MIRROR, Surroundings, is_wet, shade_full
 from lavsim.render.ground import TAG_OF_SURFACE
-from lavsim.render.look import look_of
+from lavsim.render.heights import level_ground
+from lavsim.render.lamps import NO_LIGHT, add_glows, lamp_light, street_lamps, with_headlights
+from lavsim.render.look import Look, look_of
+from lavsim.render.paint import is_blink_on
 from lavsim.render.scene import Scene
 from lavsim.render.shade import BLOCK, cell_block, faces_of, ground_of, place_block, shade, surface_of
+from lavsim.render.shadow import NO_SHADOWS, corner_of, has_shadows, static_shadows, with_actors
 from lavsim.render.tags import NEW_TAG, new_tags
-from lavsim.render.zbuffer import Pinhole, Visibility
+from lavsim.render.zbuffer import Pinhole, Visibility, draw_visibility
 from lavsim.types import Tag, VehicleLight
 from lavsim.world.snapshot import Snapshot
 
@@ -69,17 +74,27 @@ class CameraView:
     def colour(
         self, snapshot: Snapshot, scene: Scene, draws: Draws | None = None, look_name: str = "fast"
     ) -> NDArray[np.uint8]:
-        """(H, W, 4) uint8 blue, green, red, alpha, in one of `LOOKS`."""
-        view = scene.view(snapshot, self.lens, self.mount)
-        look = look_of(snapshot.weather)
-        beams = bool(snapshot.state[0, 0] & (VehicleLight.LOW_BEAM | VehicleLight.HIGH_BEAM))
-        ego = snapshot.ego
-        strength = _HEADLIGHTS * look.night if beams and look.night > 0.3 else 0.0
-        faces = faces_of(view, scene.statics, scene.actors(snapshot), look, snapshot.lights)
-        return shade(
-            view, self.lens, self.mount.pose(snapshot), faces, ground_of(scene.terrain), look,
-            (ego.x, ego.y, ego.yaw, strength), snapshot.tick, draws,
+        """(H, W, 4) uint8 blue, green, red, alpha, in one of `LOOKS`; without `draws` there is no noise."""
+        lens, pose, look, lights = self.lens, self.mount.pose(snapshot), look_of(snapshot.weather), snapshot.lights
+        view = scene.view(snapshot, lens, self.mount)
+        statics, actors, ground = scene.statics, scene.actors(snapshot), ground_of(scene.terrain)
+        faces = faces_of(view, statics, actors, look, lights)
+        street = scene.while_same("street lamps", 0, lambda: street_lamps(statics))
+        if look_name == "full":
+            around = surroundings(snapshot, scene, look, lens, pose, street)
+            image = shade_full(view, lens, pose, faces, ground, look, around, snapshot.tick, draws)
+        else:
+            beams = bool(snapshot.state[0, 0] & (VehicleLight.LOW_BEAM | VehicleLight.HIGH_BEAM))
+            strength = _HEADLIGHTS * look.night if beams and look.night > 0.3 else 0.0
+            ego = snapshot.ego
+            image = shade(
+                view, lens, pose, faces, ground, look, (ego.x, ego.y, ego.yaw, strength), snapshot.tick, draws
+            )
+        add_glows(
+            image, view.face, view.inverse_depth, view.faces.solid, statics, actors, lights, street, lens.focal,
+            pose.origin, pose.axes, look.night, is_blink_on(snapshot.tick),
         )  # fmt: skip
+        return image
 
     def depth(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.float32]:
         """(H, W) float32 [m]."""
@@ -111,6 +126,38 @@ class CameraView:
             column = self.width / 2.0 + self.lens.focal * right / ahead
             row = self.height / 2.0 - self.lens.focal * up / ahead
         return np.stack([column, row, ahead], axis=1)
+
+
+def surroundings(
+    snapshot: Snapshot, scene: Scene, look: Look, lens: Pinhole, pose: Pose, street: NDArray[np.float64]
+) -> Surroundings:
+    """Shadows, lamp light and mirrors about the ego."""
+    statics, actors = scene.statics, scene.actors(snapshot)
+    x, y = corner_of(snapshot.ego.x, snapshot.ego.y)
+    shadows, lamps, mirror = NO_SHADOWS, NO_LIGHT, NO_MIRROR
+    if has_shadows(look):
+        key = (x, y, *look.sun.tolist())
+        still = scene.while_same("shadows", key, lambda: static_shadows(statics, look, x, y))
+        shadows = scene.once_a_tick(snapshot, "shadows", lambda: with_actors(still, actors))
+    if look.night > 0.3:
+        pools = scene.while_same("lamps", (x, y), lambda: lamp_light(street, x, y))
+        lamps = scene.once_a_tick(snapshot, "lamps", lambda: with_headlights(pools, actors))
+    if is_wet(look):
+        mirror = _mirrored(snapshot, scene, look, lens, pose)
+    return Surroundings(shadows, lamps, mirror, is_wet(look))
+
+
+def _mirrored(snapshot: Snapshot, scene: Scene, look: Look, lens: Pinhole, pose: Pose) -> NDArray[np.uint8]:
+    """(H / 2, W / 2, 4) what the camera would see in a mirror that lies on the ego's ground."""
+    plane = float(snapshot.xyz[0, 2])
+    flip = np.array([1.0, 1.0, -1.0])
+    below = Pose(pose.origin * flip + np.array([0.0, 0.0, 2.0 * plane]), pose.axes * flip[:, None])
+    half = Pinhole(max(1, (lens.width + 1) // 2), max(1, (lens.height + 1) // 2), lens.focal / 2.0)
+    statics, actors = scene.statics, scene.actors(snapshot)
+    view = draw_visibility(half, below, statics, actors, heights=level_ground(float(below.origin[2]) + 1.0))
+    faces = faces_of(view, statics, actors, look, snapshot.lights)
+    ground = ground_of(scene.terrain)
+    return shade(view, half, below, faces, ground, look, (0.0, 0.0, 0.0, 0.0), snapshot.tick, None)
 
 
 def depth_of(view: Visibility) -> NDArray[np.float32]:

@@ -52,13 +52,13 @@ from lavsim.render.texture import cell_noise
 from lavsim.render.zbuffer import Pinhole, Visibility
 
 _NOISE_LENGTH, _LONGEST_ROW = 1 << 16, 8192
-_NOISE_UNIT = 32.0  # entries of the noise table a standard deviation
+NOISE_UNIT = 32.0  # entries of the noise table a standard deviation
 _GRAIN_RANGE = 30.0  # [m] beyond which grain, smaller than a pixel, fades
 BLOCK = 4096  # [px] that go through the loops together, so that they stay in the nearest memory
 _TEXEL = 2  # cells of ground a grain
 
 
-class Faces(NamedTuple):
+class PaintedFaces(NamedTuple):
     """The painted faces of a view, as the colour kernels read them: columns of `face_table`."""
 
     table: NDArray[np.float32]
@@ -88,16 +88,16 @@ def ground_of(terrain: Terrain) -> Ground:
     )  # fmt: skip
 
 
-def faces_of(view: Visibility, statics: Solids, actors: Solids, look: Look, lights: NDArray[np.uint8]) -> Faces:
+def faces_of(view: Visibility, statics: Solids, actors: Solids, look: Look, lights: NDArray[np.uint8]) -> PaintedFaces:
     """The painted faces of a view."""
-    return Faces(*face_table(*view.faces, statics, actors, look, lights))
+    return PaintedFaces(*face_table(*view.faces, statics, actors, look, lights))
 
 
 def shade(
     view: Visibility,
     lens: Pinhole,
     pose: Pose,
-    faces: Faces,
+    faces: PaintedFaces,
     ground: Ground,
     look: Look,
     headlights: tuple[float, float, float, float],
@@ -118,19 +118,19 @@ def shade(
     key, noise = (draws.key, look.noise) if draws is not None else (0, 0.0)
     pixels = _shade(
         view.face, view.inverse_depth, lens.focal, pose.origin, pose.axes, ground, look, faces, headlights,
-        is_blink_on(tick), np.uint64(key), tick, np.float32(noise / _NOISE_UNIT), _NOISE,
+        is_blink_on(tick), np.uint64(key), tick, np.float32(noise / NOISE_UNIT), NOISE,
     )  # fmt: skip
     return pixels.view(np.uint8).reshape(lens.height, lens.width, 4)
 
 
 def _noise_table() -> NDArray[np.int8]:
-    """Gaussian numbers of deviation `_NOISE_UNIT`; rows of pixels read on from drawn places."""
-    values = np.rint(Draws.of_seed(0).stream("pixel noise").normal(0, _NOISE_LENGTH, std=_NOISE_UNIT))
+    """Gaussian numbers of deviation `NOISE_UNIT`; rows of pixels read on from drawn places."""
+    values = np.rint(Draws.of_seed(0).stream("pixel noise").normal(0, _NOISE_LENGTH, std=NOISE_UNIT))
     values = np.clip(values, -127, 127).astype(np.int8)
     return np.concatenate([values, values[:_LONGEST_ROW]])
 
 
-_NOISE = _noise_table()
+NOISE = _noise_table()
 
 
 @kernel
