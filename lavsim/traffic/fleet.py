@@ -81,7 +81,7 @@ def make_fleet(count: int) -> Fleet:
         halted=np.full(count, -1, np.int32),
         plan=np.zeros((count, 6)),
         aside=np.full(count, -1, np.int32),
-        changed=np.zeros(count, np.int64),
+        changed=np.full(count, -10_000, np.int64),
         still=np.zeros(count, np.int64),
         blame=np.full(count, NOBODY, np.int64),
         granted=np.full(count, -1, np.int64),
@@ -122,6 +122,8 @@ def advance(lanes: Lanes, fleet: Fleet, i: int, x: float, y: float) -> float:
         fleet.u[i] += dx * cos + dy * sin
         offset = dy * cos - dx * sin
         while fleet.u[i] >= lanes.length[fleet.lane[i]] and fleet.path[i, 0] >= 0:
+            if lanes.junction[fleet.lane[i]] >= 0:
+                fleet.halted[i] = -1
             fleet.u[i] -= lanes.length[fleet.lane[i]]
             fleet.lane[i] = fleet.path[i, 0]
             for k in range(PATH_LANES - 1):

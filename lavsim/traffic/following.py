@@ -1,8 +1,8 @@
 """How fast to drive: the leader on the path, obstacles of any kind in it, bends and limits ahead.
 
-Car following is the intelligent driver model (Treiber, Hennecke & Helbing 2000, Phys. Rev. E 62, 1805). Leaders on the
-lanes of the path come from the order along each lane; whatever else lies in the path (who crosses or changes lanes,
-walkers, props, the ego) from the grid of boxes, point by point.
+Car following is the improved intelligent driver model (Treiber & Kesting 2013, Traffic Flow Dynamics, 11.3.7). Leaders
+on the lanes of the path come from the order along each lane; whatever else lies in the path (who crosses or changes
+lanes, walkers, props, the ego) from the grid of boxes, point by point.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import lean_kernel as kernel
-from lavsim.portable_math import atan, cos_sin
+from lavsim.portable_math import atan, cos, sin
 from lavsim.traffic.drivers import (
     ACCELERATION,
     CORNERING,
@@ -28,6 +28,9 @@ from lavsim.traffic.network import SLOWING, Lanes, point_row
 from lavsim.traffic.obstacles import Boxes, Grid, cell_at, obstacle_at
 
 HARD_BRAKE = 8.0  # [m/s²]
+_EASE_OFF = 3.0  # [m/s²] at most for who is faster than it wants to be
+_TOUCHING = 0.3  # [m]
+_BRAKE_FROM = 0.6  # share of the comfortable deceleration at which a driver begins to brake for a line
 SAMPLE = 1.5  # [m] between the points of a path that are looked at
 _SIDE_MARGIN = 0.35  # [m] kept free on either side
 _CREEP_MARGIN = 0.1  # [m] the same for who has come to a stop: where there is room, it squeezes past
@@ -35,7 +38,7 @@ _CREEP_MARGIN = 0.1  # [m] the same for who has come to a stop: where there is r
 
 @kernel
 def idm_acceleration(speed: float, wanted: float, gap: float, closing: float, driver: NDArray[np.float64]) -> float:
-    """Acceleration of a driver following a leader [m/s²].
+    """Acceleration of a driver following a leader [m/s²]; in equilibrium the gap is the smallest one plus the headway.
 
     Args:
         speed: Own speed [m/s].
@@ -44,17 +47,48 @@ def idm_acceleration(speed: float, wanted: float, gap: float, closing: float, dr
         closing: Own speed minus the leader's [m/s].
         driver: (TRAITS,) see `Fleet.driver`.
     """
+    most = driver[ACCELERATION]
     share = speed / max(wanted, 0.1)
     share *= share
-    free = max(driver[ACCELERATION] * (1.0 - share * share), -3.0)
+    free = max(most * (1.0 - share * share), -_EASE_OFF)
     if math.isinf(gap):
         return free
-    if gap < 0.3:
+    if gap < _TOUCHING:
         return -HARD_BRAKE
-    dynamic = speed * driver[HEADWAY]
-    dynamic += speed * closing / (2.0 * math.sqrt(driver[ACCELERATION] * driver[DECELERATION]))
-    space = (driver[MIN_GAP] + max(0.0, dynamic)) / gap
-    return max(min(free, driver[ACCELERATION]) - driver[ACCELERATION] * space * space, -HARD_BRAKE)
+    dynamic = speed * driver[HEADWAY] + speed * closing / (2.0 * math.sqrt(most * driver[DECELERATION]))
+    z = (driver[MIN_GAP] + max(0.0, dynamic)) / gap
+    if z >= 1.0:
+        return max(min(free, 0.0) + most * (1.0 - z * z), -HARD_BRAKE)
+    if free <= 1e-3:
+        return free
+    return free * (1.0 - _power(z, 2.0 * most / free))
+
+
+@kernel
+def _power(base: float, exponent: float) -> float:
+    """About `base ** exponent` for a base below 1 and an exponent of 2 or more, in plain arithmetic.
+
+    Exact where the exponent is a power of two, linear in between; the C library's power differs between processors.
+    """
+    value = base * base
+    while exponent >= 4.0 and value > 1e-9:
+        value *= value
+        exponent *= 0.5
+    return value + min(0.5 * exponent - 1.0, 1.0) * (value * value - value)
+
+
+@kernel
+def stopping_acceleration(speed: float, free: float, distance: float, driver: NDArray[np.float64]) -> float:
+    """Acceleration of a driver that comes to rest after `distance` [m/s²], `free` while there is no need to brake."""
+    if distance <= _TOUCHING:
+        return min(free, -_EASE_OFF)
+    needed = speed * speed / (2.0 * (distance - 0.5 * _TOUCHING))
+    share = needed / driver[DECELERATION]
+    if share <= _BRAKE_FROM:
+        return free
+    if share >= 1.0:
+        return -min(needed, HARD_BRAKE)
+    return free + (share - _BRAKE_FROM) / (1.0 - _BRAKE_FROM) * min(-needed - free, 0.0)
 
 
 @kernel
@@ -119,8 +153,7 @@ def obstacle_ahead(
         at = begin + (p - lanes.first[lane]) * lanes.step[lane]
         if is_shifted:
             shift, slope, _bend = plan_at(fleet, i, at)
-            cos, sin = cos_sin(yaw)
-            x, y, yaw = x - shift * sin, y + shift * cos, yaw + atan(slope)
+            x, y, yaw = x - shift * sin(yaw), y + shift * cos(yaw), yaw + atan(slope)
             cell = cell_at(grid, x, y)
         if cell >= 0 and grid.head[cell] >= 0:
             gap, other, who = obstacle_at(grid, boxes, row, (x, y, yaw), distance / pace, margin)

@@ -16,6 +16,7 @@ from lavsim.traffic.obstacles import Boxes
 _BESIDE = 2.4  # [m] off its lane's centre: then another lane fits better, or none
 _ASTRAY = math.radians(75.0)  # against its lane's direction: it is not on that lane
 _FORK = 2.0  # [m] off the centre of a junction lane that it may still be following
+_BROKEN_DOWN = 500  # ticks at rest: longer than a phase of a light lasts
 MOST = 64  # guests that are looked after
 
 
@@ -134,6 +135,15 @@ def may_follow(lanes: Lanes, guests: Guests, boxes: Boxes, g: int, lane: int) ->
     row = guests.row[g]
     u, offset, _yaw = _settle(lanes, lane, guests.u[g], boxes.pose[row, 0], boxes.pose[row, 1])
     return u, abs(offset) < _FORK and u <= lanes.length[lane]
+
+
+@kernel
+def has_stood(guests: Guests, row: int) -> bool:
+    """Whether the guest in `row` has been at rest for so long that it may be passed."""
+    for g in range(guests.number[0]):
+        if guests.row[g] == row:
+            return bool(guests.still[g] > _BROKEN_DOWN)
+    return False
 
 
 def find_lost(town: TownMap, guests: Guests, boxes: Boxes) -> None:

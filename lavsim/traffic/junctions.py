@@ -17,6 +17,8 @@ from lavsim.traffic.right_of_way import has_room, whom_to_wait_for
 from lavsim.types import LightState
 
 LINE_GAP = 1.0  # [m] between the bumper and a stop line
+_EDGE_GAP = 2.5  # [m] the same where the line lies at the junction's edge, so that who turns has room
+_OVER_THE_LINE = 0.3  # [m] who has its bumper that far over the line stops at the junction's edge, or goes on
 _LIGHT_RANGE = 80.0  # [m] at which a light is seen
 _YELLOW_BRAKE = 3.5  # [m/s²] a driver stops at yellow if that much suffices
 
@@ -54,38 +56,43 @@ def line_ahead(
     """
     half = boxes.half[fleet.row[i], 0]
     last = fleet.lane[i]
-    if lanes.junction[last] >= 0:
-        return np.inf, NOBODY
+    inside = lanes.junction[last]
     ahead = lanes.length[last] - fleet.u[i] - half
-    target = -1
+    target, at = -1, 0
     for k in range(PATH_LANES):
         if ahead > _LIGHT_RANGE:
             return np.inf, NOBODY
         lane = fleet.path[i, k]
         if lane < 0:
-            return ahead, NOBODY  # the road ends
-        if lanes.junction[lane] >= 0:
-            target = lane
+            return max(ahead, 0.0), NOBODY  # the road ends
+        if lanes.junction[lane] >= 0 and lanes.junction[lane] != inside:
+            target, at = lane, k
             break
+        if lanes.junction[lane] < 0:
+            inside = -1
         ahead += lanes.length[lane]
         last = lane
     if target < 0:
         return np.inf, NOBODY
     light = lanes.light[target]
     state = _GREEN if light < 0 else int(lights[light])
-    if fleet.committed[i] == target and (state != _RED or ahead < 0.0):
-        return np.inf, NOBODY
-    gap = ahead - lanes.setback[last] - LINE_GAP
+    gap = ahead - lanes.setback[last] - (LINE_GAP if lanes.setback[last] > LINE_GAP else _EDGE_GAP)
+    if ahead - lanes.setback[last] < -_OVER_THE_LINE:
+        gap = ahead - _OVER_THE_LINE
+        if gap < 0.0 or (state == _RED and speed * speed > 2.0 * _YELLOW_BRAKE * gap):
+            return np.inf, NOBODY
     if state == _RED or (state == _YELLOW and gap > 0.0 and speed * speed < 2.0 * _YELLOW_BRAKE * gap):
         fleet.committed[i] = -1
         return max(gap, 0.0), RED_LIGHT
-    if ahead > view_before_junction(speed):
+    if fleet.committed[i] == target or ahead > view_before_junction(speed):
         return np.inf, NOBODY
     if light < 0 and lanes.rank[target] == STOPS and fleet.halted[i] != target:
         if speed < 0.1 and gap < 1.0:
             fleet.halted[i] = target
         return max(gap, 0.0), NOBODY
-    if holds or not has_room(lanes, fleet, boxes, near, i, target):
+    if holds or _is_caught_behind(lanes, fleet, boxes, lights, i, at):
+        return max(gap, 0.0), NOBODY
+    if not has_room(lanes, fleet, boxes, near, i, target):
         return max(gap, 0.0), NOBODY
     who = whom_to_wait_for(lanes, fleet, guests, boxes, near, lights, vehicle_lights, i, target, ahead, tick)
     if who != NOBODY:
@@ -93,6 +100,26 @@ def line_ahead(
     if gap < max(2.0, 0.5 * speed * speed / _YELLOW_BRAKE):
         fleet.committed[i] = target  # too late to stop comfortably: goes
     return np.inf, NOBODY
+
+
+@kernel
+def _is_caught_behind(lanes: Lanes, fleet: Fleet, boxes: Boxes, lights: NDArray[np.uint8], i: int, at: int) -> bool:
+    """Whether vehicle `i` would have to stop inside the junction at position `at` of its path.
+
+    That is so where the link to the next junction is shorter than the vehicle and the light there is not green.
+    """
+    room = 0.0
+    inside = lanes.junction[fleet.path[i, at]]
+    for k in range(at + 1, PATH_LANES):
+        lane = fleet.path[i, k]
+        if lane < 0 or room > 2.0 * boxes.half[fleet.row[i], 0] + LINE_GAP:
+            return False
+        if lanes.junction[lane] < 0:
+            inside = -1
+            room += lanes.length[lane]
+        elif lanes.junction[lane] != inside:
+            return bool(lanes.light[lane] >= 0 and lights[lanes.light[lane]] != _GREEN)
+    return False
 
 
 @kernel

@@ -90,23 +90,24 @@ def survey(lanes: Lanes, fleet: Fleet, guests: Guests, boxes: Boxes, near: Near)
         row = fleet.row[i]
         if row < 0 or not boxes.present[row]:
             continue
-        _enter(near, i, fleet.lane[i], fleet.u[i], row)
+        enter_order(near, i, fleet.lane[i], fleet.u[i], row)
         if fleet.aside[i] >= 0:
             lane = fleet.aside[i]
-            _enter(near, count + i, lane, fleet.u[i] * lanes.length[lane] / lanes.length[fleet.lane[i]], row)
+            enter_order(near, count + i, lane, fleet.u[i] * lanes.length[lane] / lanes.length[fleet.lane[i]], row)
         _note_tail(near, fleet.lane[i], fleet.u[i], boxes, row)
         _approach(lanes, fleet, boxes, near, i)
     for g in range(guests.number[0]):
         if guests.lane[g] >= 0:
             row = guests.row[g]
             if abs(guests.offset[g]) < _ON_LANE:
-                _enter(near, 2 * count + g, guests.lane[g], guests.u[g], row)
+                enter_order(near, 2 * count + g, guests.lane[g], guests.u[g], row)
             _note_tail(near, guests.lane[g], guests.u[g], boxes, row)
             _approach_of_guest(lanes, guests, boxes, near, g)
 
 
 @kernel
-def _enter(near: Near, entry: int, lane: int, u: float, row: int) -> None:
+def enter_order(near: Near, entry: int, lane: int, u: float, row: int) -> None:
+    """Enters a vehicle into the order along a lane."""
     near.lane[entry], near.u[entry], near.row[entry] = lane, u, row
     at = near.head[lane]
     if at < 0 or near.u[at] >= u:
@@ -212,7 +213,7 @@ def exit_of(lanes: Lanes, fleet: Fleet, i: int, k: int) -> int:
 def leader_in_lane(
     lanes: Lanes, fleet: Fleet, boxes: Boxes, near: Near, i: int, entry: int, horizon: float
 ) -> tuple[float, float, int]:
-    """Who is ahead on the path of vehicle `i`, from its entry on: gap [m], speed [m/s], row; (inf, 0, -1) for nobody.
+    """Which background vehicle is ahead on the path of vehicle `i`: gap [m], speed [m/s], row; (inf, 0, -1) for none.
 
     Args:
         lanes: The road network.
@@ -225,7 +226,7 @@ def leader_in_lane(
     """
     row = fleet.row[i]
     half = boxes.half[row, 0]
-    other = near.after[entry]
+    other = _of_fleet(boxes, near, near.after[entry])
     if other >= 0:
         return _ahead(boxes, near, other, near.u[other] - near.u[entry] - half)
     if entry != i:
@@ -235,7 +236,7 @@ def leader_in_lane(
         lane = fleet.path[i, k]
         if lane < 0 or distance > horizon:
             break
-        other = near.head[lane]
+        other = _of_fleet(boxes, near, near.head[lane])
         if other >= 0:
             if near.row[other] == row:
                 break
@@ -248,3 +249,11 @@ def leader_in_lane(
 def _ahead(boxes: Boxes, near: Near, entry: int, distance: float) -> tuple[float, float, int]:
     row = near.row[entry]
     return distance - boxes.half[row, 0], max(boxes.forward[row], 0.0), row
+
+
+@kernel
+def _of_fleet(boxes: Boxes, near: Near, entry: int) -> int:
+    """The first entry from `entry` on that is a background vehicle; the others are seen as boxes."""
+    while entry >= 0 and not boxes.is_fleet[near.row[entry]]:
+        entry = near.after[entry]
+    return entry

@@ -29,6 +29,7 @@ class Boxes(NamedTuple):
         half: (N, 2) half length, half width [m].
         height: (N,) z of the ground below [m].
         forward: (N,) speed ahead [m/s].
+        is_fleet: (N,) driven by the fleet: it keeps clear of crossing paths itself.
     """
 
     present: NDArray[np.bool_]
@@ -37,6 +38,7 @@ class Boxes(NamedTuple):
     half: NDArray[np.float64]
     height: NDArray[np.float64]
     forward: NDArray[np.float64]
+    is_fleet: NDArray[np.bool_]
 
 
 class Grid(NamedTuple):
@@ -124,7 +126,8 @@ def enter_moving(grid: Grid, boxes: Boxes, how: NDArray[np.uint8], margin: float
     used = grid.used[0]
     for i in range(len(how)):
         if how[i] == MOVING and boxes.present[i]:
-            used = _enter(grid, boxes, i, LOOKAHEAD_TIME, margin, used)
+            time = 0.0 if boxes.is_fleet[i] else LOOKAHEAD_TIME
+            used = _enter(grid, boxes, i, time, margin, used)
     grid.used[1] = used
 
 
@@ -190,7 +193,7 @@ def obstacle_at(
             continue
         vx, vy = boxes.velocity[i, 0], boxes.velocity[i, 1]
         gap = _gap_to(boxes, i, x, y, path_x, path_y, 0.0, margin)
-        if math.isinf(gap) and abs(vy * path_x - vx * path_y) > CROSSING_SPEED:
+        if math.isinf(gap) and not boxes.is_fleet[i] and abs(vy * path_x - vx * path_y) > CROSSING_SPEED:
             gap = _gap_to(boxes, i, x, y, path_x, path_y, min(time, LOOKAHEAD_TIME), margin)
         if gap < nearest:
             nearest, speed, who = gap, max(0.0, vx * path_x + vy * path_y), i

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.map.town_map import TownMap
+from lavsim.portable_math import snapped
 from lavsim.random import Draws
 from lavsim.traffic.corridor import corridor_of
 from lavsim.traffic.drive import Scene, drive
-from lavsim.traffic.drivers import draw_driver
+from lavsim.traffic.drivers import Driver, draw_driver
 from lavsim.traffic.fleet import clear_slot, extend_path, make_fleet
 from lavsim.traffic.guests import find_lost, make_guests
 from lavsim.traffic.near import make_near
@@ -17,12 +18,18 @@ from lavsim.traffic.network import lanes_of
 from lavsim.traffic.obstacles import Boxes, cells_of, make_grid
 from lavsim.traffic.sorting import make_sorting
 from lavsim.types import ActorIds, LaneType, Role, VehicleLight
+from lavsim.world.actor import Actor
 from lavsim.world.blueprints import BLUEPRINTS, Blueprint
 from lavsim.world.world import World
 
 _SPACING = 12.0  # [m] between spawn points of a lane
 _CLEAR_OF_EGO = 15.0  # [m]
 _MARGIN = 20.0  # [m] of the grid around the town
+_MOST_CALLS = 8  # vehicles on call at once
+_SEEN = 40.0  # [m] from the ego: nobody vanishes there
+_OUT_OF_SIGHT = 80.0  # [m] from the ego: there others may appear
+_ROOM_TO_APPEAR = 15.0  # [m]
+_DISSOLVE_PAUSE = 200  # ticks between two vehicles that are taken out
 _SEARCH_TICKS = 10  # between two looks at the whole map for guests that have no lane
 
 
@@ -44,12 +51,24 @@ class Traffic:
         world: What they are spawned into; the ego must be there already.
         draws: Root of the drive's draws.
         count: Vehicles wanted; fewer where the town has no room.
+        places: (S, 2) lane and travelled length [m] of the places, taken in this order; None draws them.
+        driver: Who drives all of them; None draws everybody's driver.
 
     Attributes:
+        dissolved: Vehicles taken out so far because nothing else would have ended a deadlock.
         lamps: `VehicleLight` bits that all have on, as the weather and the hour want it.
     """
 
-    def __init__(self, town: TownMap, world: World, draws: Draws, count: int) -> None:
+    def __init__(
+        self,
+        town: TownMap,
+        world: World,
+        draws: Draws,
+        count: int,
+        places: NDArray[np.float64] | None = None,
+        driver: Driver | None = None,
+    ) -> None:
+        self._driver = driver
         self._town = town
         self._world = world
         self._draws = draws.stream("traffic")
@@ -57,22 +76,27 @@ class Traffic:
         self._corridor = corridor_of(town)
         self._bounds = np.asarray(town.bounds) + _MARGIN * np.array([-1.0, -1.0, 1.0, 1.0])
         self._guests = make_guests()
+        self._calls = np.full(_MOST_CALLS, -1, np.int64)
+        self._changes_lanes = True
         self._half = np.zeros((0, 2))
         self._known = 0
         self._meet()
         self._cells = np.zeros(len(self._lanes.points), np.int32)
         cells_of(self._grid, self._lanes.points, self._cells)
         self.lamps = VehicleLight.NONE
-        points = spawn_points(town)
-        order = self._draws.stream("places").permutation(0, len(points))
-        points = points[order]
-        places = town.centre(points[:, 0].astype(np.int64), points[:, 1])
-        far = np.hypot(*(places[:, :2] - world.ego.xy).T) > _CLEAR_OF_EGO
-        points, places = points[far][:count], places[far][:count]
-        self._fleet = make_fleet(len(points))
-        self._near = make_near(len(town.lanes), len(points))
-        for slot in range(len(points)):
-            self._spawn(slot, int(ActorIds.TRAFFIC) + slot, int(points[slot, 0]), float(points[slot, 1]), places[slot])
+        self.dissolved = 0
+        self._dissolved_at = -_DISSOLVE_PAUSE
+        if places is None:
+            places = spawn_points(town)
+            places = places[self._draws.stream("places").permutation(0, len(places))]
+        self._places = places
+        poses = snapped(town.centre(places[:, 0].astype(np.int64), places[:, 1]))
+        free = np.flatnonzero(np.hypot(*(poses[:, :2] - world.ego.xy).T) > _CLEAR_OF_EGO)[:count]
+        self._fleet = make_fleet(len(free))
+        self._near = make_near(len(town.lanes), len(free))
+        self._next_id = int(ActorIds.TRAFFIC)
+        for slot, place in enumerate(free):
+            self._spawn(slot, int(places[place, 0]), float(places[place, 1]), poses[place])
 
     def __len__(self) -> int:
         return int(np.count_nonzero(self._fleet.row >= 0))
@@ -88,15 +112,18 @@ class Traffic:
         if n > self._known:
             self._meet()
         boxes = Boxes(
-            world.present[:n], world.pose[:n], world.velocity[:n], self._half[:n], world.height[:n], world.body[:n, 0]
-        )
+            world.present[:n], world.pose[:n], world.velocity[:n], self._half[:n], world.height[:n], world.body[:n, 0],
+            self._is_fleet[:n],
+        )  # fmt: skip
         if world.tick % _SEARCH_TICKS == 0:
             find_lost(self._town, self._guests, boxes)
         scene = Scene(
             self._lanes, self._corridor, self._cells, boxes, world.motion[:n], world.touched[:n], lights,
-            self._sorting, self._grid, self._guests, self._near,
+            self._sorting, self._grid, self._guests, self._near, self._calls, self._changes_lanes,
         )  # fmt: skip
-        drive(scene, self._fleet, world.tick, int(self.lamps), world.command[:n], world.lights[:n])
+        stuck = drive(scene, self._fleet, world.tick, int(self.lamps), world.command[:n], world.lights[:n])
+        if stuck >= 0 and world.tick - self._dissolved_at >= _DISSOLVE_PAUSE:
+            self._dissolve(stuck)
 
     def _meet(self) -> None:
         """Takes in the sizes of rows that are new in the world, making room where there is none."""
@@ -104,23 +131,48 @@ class Traffic:
         if count > len(self._half):
             self._half = np.zeros((max(64, 2 * count), 2))
             self._known = 0
+            self._is_fleet = np.zeros(len(self._half), np.bool_)
             self._sorting = make_sorting(len(self._half))
             self._grid = make_grid(self._bounds, len(self._half))
         new = slice(self._known, count)
         self._half[new] = self._world.table.sizes[new, :2].astype(np.float64) / 2.0
         self._known = count
 
-    def _spawn(self, slot: int, actor_id: int, lane: int, u: float, place: NDArray[np.float64]) -> None:
-        fleet = self._fleet
+    def _spawn(self, slot: int, lane: int, u: float, pose: NDArray[np.float64]) -> None:
+        """Lets a new vehicle appear in a slot of the fleet, at `pose` on a lane's centre."""
+        fleet, actor_id = self._fleet, self._next_id
+        self._next_id += 1
         blueprint = self._blueprint(actor_id)
         colour = blueprint.colour(self._draws, actor_id)
-        actor = self._world.spawn(actor_id, blueprint, place[:3], float(place[3]), Role.TRAFFIC, colour)
+        actor = self._world.spawn(actor_id, blueprint, pose[:3], float(pose[3]), Role.TRAFFIC, colour)
         clear_slot(fleet, slot)
         fleet.row[slot] = actor.row
         fleet.key[slot] = self._draws.stream("branch", actor_id).key
         fleet.lane[slot], fleet.u[slot] = lane, u
-        fleet.driver[slot] = draw_driver(self._draws, actor_id, blueprint.actor_class).traits
+        driver = self._driver or draw_driver(self._draws, actor_id, blueprint.actor_class)
+        fleet.driver[slot] = driver.traits
         extend_path(self._lanes, fleet, slot)
+
+    def _dissolve(self, slot: int) -> None:
+        """Takes a vehicle out that nothing else gets going, and lets a new one appear out of the ego's sight."""
+        world, fleet = self._world, self._fleet
+        row = int(fleet.row[slot])
+        if np.hypot(*(world.pose[row, :2] - world.ego.xy)) < _SEEN:
+            return
+        self.dissolved += 1
+        self._dissolved_at = world.tick
+        world.remove(Actor(world, row))
+        fleet.row[slot] = -1
+        here = world.present[: world.count]
+        others = world.pose[: world.count, :2][here]
+        order = self._draws.stream("again", self._next_id).permutation(0, len(self._places))
+        for place in order:
+            lane, u = int(self._places[place, 0]), float(self._places[place, 1])
+            pose = snapped(self._town.centre(np.array([lane]), np.array([u]))[0])
+            far = np.hypot(*(pose[:2] - world.ego.xy)) > _OUT_OF_SIGHT
+            if far and np.hypot(*(others - pose[:2]).T).min() > _ROOM_TO_APPEAR:
+                self._spawn(slot, lane, u, pose)
+                return
 
     def _blueprint(self, actor_id: int) -> Blueprint:
         """A vehicle of background traffic, by weight."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import lean_kernel as kernel
-from lavsim.traffic.drivers import ACCELERATION, GAP, SPEED_FACTOR
+from lavsim.traffic.drivers import ACCELERATION, CORNERING, GAP, SPEED_FACTOR
 from lavsim.traffic.fleet import NOBODY, PATH_LANES, Fleet
 from lavsim.traffic.guests import Guests
 from lavsim.traffic.near import Near, exit_of
@@ -24,12 +24,15 @@ from lavsim.types import LightState, RoadOption, VehicleLight
 
 _RED, _LEFT = int(LightState.RED), int(RoadOption.LEFT)
 _ON_CALL = int(VehicleLight.SPECIAL1)
-_CLEARANCE = 0.5  # [m] kept between two that cross
+CLEARANCE = 0.5  # [m] kept between two that cross
 _PATIENCE = 80  # ticks after which nobody waits any longer for a guest that stands
 _THEIR_ACCELERATION = 1.5  # [m/s²] expected of others
 _GUEST_BRAKE = 4.0  # [m/s²] a guest that would need more to stop will not stop
 _ROOM = 2.0  # [m] left free before and behind a vehicle that has crossed
-_BEHIND = 0.5  # [s] after somebody has left a place
+_IMPATIENT = 600.0  # ticks at rest in which a driver comes down to
+_LEAST_GAP = 0.4  # of the gap that it wants
+_SLOW_CORNERING = 0.6  # of the ordinary lateral acceleration, of a careful driver
+_BEHIND = 0.8  # [s] after somebody has left a place
 
 
 @kernel
@@ -170,14 +173,16 @@ def _is_in_time_with(
     row, other, lane = fleet.row[i], near.who[k], near.target[k]
     their_length = 2.0 * boxes.half[other, 0]
     their_speed = max(boxes.forward[other], 0.0)
-    out = near.distance[k] + lanes.conflict_back[e, 1] + their_length + _CLEARANCE
+    out = near.distance[k] + lanes.conflict_back[e, 1] + their_length + CLEARANCE
     if out <= 0.0:
         return False
     speed = max(boxes.forward[row], 0.0)
     top = max(lanes.speed_limit[target] * fleet.driver[i, SPEED_FACTOR], speed)
-    top = min(top, max(math.sqrt(lanes.bend[lanes.first[target]]), speed))
+    top = min(top, max(math.sqrt(lanes.bend[lanes.first[target]] * fleet.driver[i, CORNERING]), speed))
     their_top = max(lanes.speed_limit[lane], their_speed)
-    push, patience = 0.8 * fleet.driver[i, ACCELERATION], fleet.driver[i, GAP]
+    slowest = math.sqrt(_SLOW_CORNERING * lanes.bend[lanes.first[lane]])  # in their turn
+    push = 0.8 * fleet.driver[i, ACCELERATION]
+    patience = fleet.driver[i, GAP] * max(1.0 - fleet.still[i] / _IMPATIENT, _LEAST_GAP)
     if lanes.merges[e]:
         mine = travel_time(distance + lanes.length[target], speed, push, top)
         theirs = travel_time(near.distance[k] + lanes.length[lane], their_speed, _THEIR_ACCELERATION, their_top)
@@ -185,13 +190,13 @@ def _is_in_time_with(
             return False
         is_ahead = near.distance[k] < 0.0 and their_speed > 2.0
         return not (is_ahead and (near.distance[k] + lanes.length[lane]) / their_speed + 1.0 < mine)
-    end = distance + lanes.conflict_u[e, 1] + 2.0 * boxes.half[row, 0] + _CLEARANCE
-    begin = near.distance[k] + lanes.conflict_back[e, 0] - _CLEARANCE
+    end = distance + lanes.conflict_u[e, 1] + 2.0 * boxes.half[row, 0] + CLEARANCE
+    begin = near.distance[k] + lanes.conflict_back[e, 0] - CLEARANCE
     if begin > 0.0:
         theirs = travel_time(begin, their_speed, _THEIR_ACCELERATION, their_top)
         if travel_time(end, speed, push, top) + patience < theirs:
             return False
     if their_speed < 1.0:
         return True
-    mine = travel_time(distance + lanes.conflict_u[e, 0] - _CLEARANCE, speed, push, top)
-    return not (out / their_speed + _BEHIND < mine)
+    mine = travel_time(distance + lanes.conflict_u[e, 0] - CLEARANCE, speed, push, top)
+    return not (out / min(their_speed, slowest) + _BEHIND < mine)

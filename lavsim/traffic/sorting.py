@@ -66,9 +66,11 @@ def sort_boxes(
         grid: Filled.
     """
     sorting.slot[:] = -1
+    boxes.is_fleet[:] = False
     for i in range(len(fleet.row)):
         if fleet.row[i] >= 0:
             sorting.slot[fleet.row[i]] = i
+            boxes.is_fleet[fleet.row[i]] = True
     has_changed = False
     for row in range(len(motion)):
         slot = sorting.slot[row]

@@ -14,7 +14,7 @@ from lavsim.types import RoadOption, VehicleLight
 
 _STEER_LENGTH = 4.0  # [m] over which an error of position fades
 _STEER_TIME = 0.35  # [s] the same at speed
-_MOST_BEND = 0.27  # [1/m] full lock
+_MOST_BEND = 0.36  # [1/m] the tightest turns of towns have radii of 3 m
 _LEFT, _RIGHT = int(RoadOption.LEFT), int(RoadOption.RIGHT)
 _BRAKE_LIGHT, _LEFT_BLINKER, _RIGHT_BLINKER = (
     int(VehicleLight.BRAKE),

@@ -1,0 +1,61 @@
+"""Passing on a road of one lane a side with a broken centre line."""
+
+import numpy as np
+
+from lavsim.types import Role
+from tests import worlds
+from tests.traffic.stage import Stage
+
+EAST, WEST = 3, 2  # lanes of `worlds.straight`
+
+
+def passing(oncoming: tuple[float, float] | None = None, seconds: float = 30.0) -> tuple[Stage, list[float]]:
+    """A driver behind a car that stands for good; another may come towards it, from x [m] at a speed [m/s]."""
+    stage = Stage(worlds.straight(400.0), [(EAST, 60.0)])
+    stage.put(EAST, 120.0, role=Role.PARKED)
+    if oncoming is not None:
+        stage.put(WEST, 400.0 - oncoming[0], speed=oncoming[1])
+    lateral = []
+    for _ in range(int(seconds * 20)):
+        stage.tick()
+        lateral.append(float(stage.world.pose[stage.fleet.row[0], 1]))
+    return stage, lateral
+
+
+def x_of(stage: Stage) -> float:
+    return float(stage.world.pose[stage.fleet.row[0], 0])
+
+
+def test_what_stands_in_the_lane_is_passed_over_the_broken_line() -> None:
+    stage, lateral = passing()
+    assert stage.contacts == 0
+    assert x_of(stage) > 150.0
+    assert min(lateral) < -0.5, "it went around"
+    assert abs(lateral[-1] - 1.75) < 0.1, "and back"
+
+
+def test_it_waits_while_somebody_comes_the_other_way() -> None:
+    stage, _lateral = passing(oncoming=(190.0, 4.0), seconds=12.0)
+    assert x_of(stage) < 118.0
+    assert stage.contacts == 0
+    stage.run(40.0)
+    assert x_of(stage) > 150.0, "and goes once the other is past"
+    assert stage.contacts == 0
+
+
+def test_nobody_passes_a_queue_of_background_cars() -> None:
+    stage = Stage(worlds.straight(200.0), [(EAST, 60.0), (EAST, 40.0)])  # the road ends: the first one stops there
+    lateral = []
+    for _ in range(900):
+        stage.tick()
+        lateral.append(np.abs(stage.world.pose[stage.fleet.row, 1] - 1.75).max())
+    assert max(lateral) < 0.2
+
+
+def test_a_car_that_reaches_only_a_little_into_the_lane_is_passed_inside_it() -> None:
+    stage = Stage(worlds.straight(300.0), [(EAST, 40.0)])
+    car = stage.put(EAST, 90.0, role=Role.PARKED)
+    stage.world.pose[car.row, 1] += 2.55  # its side 0.26 m in the way
+    stage.run(30.0)
+    assert x_of(stage) > 120.0
+    assert stage.contacts == 0
