@@ -270,38 +270,62 @@ def cast_rays(  # type: ignore[no-untyped-def]
     bucket, first = np.empty(total, np.int32), np.zeros(bins + 1, np.int32)
     level = level_within(heights, origin[0], origin[1], max_range)
     for b in range(total):
-        x, y, z = directions[b, 0], directions[b, 1], directions[b, 2]
-        flat[b] = max(np.sqrt(x * x + y * y), 1e-9)
-        heading[b, 0], heading[b, 1], slope[b] = x / flat[b], y / flat[b], z / flat[b]
+        run[b], hit[b] = -1.0, NO_HIT
+        if reach[b] < 0.0:
+            continue
+        x, y = directions[b, 0], directions[b, 1]
         bucket[b] = int(np.floor((np.arctan2(y, x) / (2.0 * np.pi)) * bins)) % bins
         first[bucket[b] + 1] += 1
-        limit[b] = reach[b] * flat[b] if reach[b] >= 0.0 else -1.0
-        run[b] = _plane_run(origin[2] - level, 1.0 / slope[b])
-    if np.isnan(level):
-        meet_ground(heights, origin, heading, slope, limit, 0.0, run)
-    for b in range(total):
-        hit[b] = GROUND_HIT if run[b] <= limit[b] else NO_HIT
-        run[b] = min(run[b], limit[b])
     for q in range(bins):
         first[q + 1] += first[q]
-    order, filled = np.empty(total, np.int32), first.copy()
+    sent = first[bins]
+    order, filled = np.empty(sent, np.int32), first.copy()
     for b in range(total):
-        order[filled[bucket[b]]] = b
-        filled[bucket[b]] += 1
-    _cut_beams(statics, 0, origin, max_range, first, order, heading, slope, run, hit)
-    _cut_beams(actors, len(statics.corners), origin, max_range, first, order, heading, slope, run, hit)
-    for b in range(total):
-        run[b] /= flat[b]
+        if reach[b] >= 0.0:
+            order[filled[bucket[b]]] = b
+            filled[bucket[b]] += 1
+    # From here on by bearing, so that the beams of a bin lie beside each other in memory.
+    heading, slope, flat, limit = heading[:sent], slope[:sent], flat[:sent], limit[:sent]
+    near, met = np.empty(sent), np.empty(sent, np.int32)
+    for o in range(sent):
+        b = order[o]
+        x, y, z = directions[b, 0], directions[b, 1], directions[b, 2]
+        flat[o] = max(np.sqrt(x * x + y * y), 1e-9)
+        heading[o, 0], heading[o, 1], slope[o] = x / flat[o], y / flat[o], z / flat[o]
+        limit[o] = reach[b] * flat[o]
+        near[o] = _plane_run(origin[2] - level, 1.0 / slope[o])
+    if np.isnan(level):
+        meet_ground(heights, origin, heading, slope, limit, 0.0, near)
+    for o in range(sent):
+        met[o] = GROUND_HIT if near[o] <= limit[o] else NO_HIT
+        near[o] = min(near[o], limit[o])
+    _cut_beams(statics, 0, origin, max_range, first, heading, slope, near, met)
+    _cut_beams(actors, len(statics.corners), origin, max_range, first, heading, slope, near, met)
+    for o in range(sent):
+        run[order[o]], hit[order[o]] = near[o] / flat[o], met[o]
 
 
 @kernel
-def _cut_beams(solids, offset, origin, max_range, first, order, heading, slope, run, hit):  # type: ignore[no-untyped-def]
+def _slopes(below, above, distance, radius, lean):  # type: ignore[no-untyped-def]
+    """Least and greatest slope of a beam that can meet what stands within `radius` of a place `distance` away."""
+    nearest, farthest = distance - radius, distance + radius
+    if nearest <= 0.0:
+        return -np.inf, np.inf
+    return (
+        (below / farthest if below > 0.0 else below / nearest) - lean,
+        (above / nearest if above > 0.0 else above / farthest) + lean,
+    )
+
+
+@kernel
+def _cut_beams(solids, offset, origin, max_range, first, heading, slope, run, hit):  # type: ignore[no-untyped-def]
     bins = len(first) - 1
     per_bin = 2.0 * np.pi / bins
     edges = np.empty((8, 3))
     xy, corners, centre, z0, z1, tilt = solids.xy, solids.corners, solids.centre, solids.z0, solids.z1, solids.tilt
+    radius = solids.radius
     ox, oy, oz = origin[0], origin[1], origin[2]
-    for k in _near_first(centre, solids.radius, ox, oy, max_range):
+    for k in _near_first(centre, radius, ox, oy, max_range):
         n, cx, cy, tilt_x, tilt_y = corners[k], centre[k, 0] - ox, centre[k, 1] - oy, tilt[k, 0], tilt[k, 1]
         lift = tilt_x * cx + tilt_y * cy
         below, above = z0[k] - lift - oz, z1[k] - lift - oz
@@ -309,19 +333,19 @@ def _cut_beams(solids, offset, origin, max_range, first, order, heading, slope, 
         if inside and below <= 0.0 <= above:
             continue
         bearing, low, high = _span(xy, k, n, cx, cy, ox, oy, inside)
+        lean = np.sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
+        least, greatest = _slopes(below, above, np.sqrt(cx * cx + cy * cy), radius[k], lean)
         begin = int(np.floor((bearing + low) / per_bin))
         width = min(int(np.floor((bearing + high) / per_bin)) - begin + 1, bins)
         for q in range(begin, begin + width):
             for o in range(first[q % bins], first[q % bins + 1]):
-                b = order[o]
-                if run[b] < 0.0:
+                if slope[o] < least or slope[o] > greatest:
                     continue
-                enter, leave = _cut(edges, n, heading[b, 0], heading[b, 1])
-                enter = max(enter, 0.0)
-                rise = tilt_x * heading[b, 0] + tilt_y * heading[b, 1]
-                reached = _enter_slab(below, above, enter, leave, slope[b] - rise)
-                if reached < run[b]:
-                    run[b], hit[b] = reached, k + offset
+                enter, leave = _cut(edges, n, heading[o, 0], heading[o, 1])
+                rise = tilt_x * heading[o, 0] + tilt_y * heading[o, 1]
+                reached = _enter_slab(below, above, max(enter, 0.0), leave, slope[o] - rise)
+                if reached < run[o]:
+                    run[o], hit[o] = reached, k + offset
 
 
 @kernel

@@ -153,7 +153,7 @@ def check_place(name: str, seed: int, count: int) -> None:
     scene = scene_of(name)
     lidar, camera, projected = np.zeros(2), np.zeros(4), np.zeros(2)
     for number, snapshot in enumerate(moments(scene.town, seed, count)):
-        lidar += check_lidar(scene, snapshot, 0.03 if number % 4 == 3 else 0.0)
+        lidar += check_lidar(scene, snapshot, 0.03 if number % 2 else 0.0)
         camera += check_camera(scene, snapshot, CAMERAS[number % 4][1])
         projected += check_projection(scene, snapshot, CAMERAS[number % 3][1])
     shares = lidar[1] / lidar[0], camera[1] / camera[0], camera[3] / camera[2], projected[1] / projected[0]
