@@ -40,23 +40,33 @@ def write_comparison(runs: Sequence[Run], path: Path | None = None) -> Path:
 
 def comparison_page(runs: Sequence[Run]) -> str:
     """The whole document."""
-    base = _name(runs[0])
-    sections = [_section(base, _name(run), compare(runs[0], run)) for run in runs[1:]]
+    names = _names(runs)
+    pairs = list(zip(names, runs, strict=True))
+    sections = [_section(names[0], name, compare(runs[0], run)) for name, run in pairs[1:]]
     note = (
         f"Drives are paired by town, route, repetition and seed. Intervals hold {CONFIDENCE:.0%} of the means of "
         f"{RESAMPLES:,} resamples of the routes. The smallest difference is what so many routes would show with a "
         f"chance of {POWER:.0%}."
     )
-    privileged = [_name(run) for run in runs if run.run.get("track") == "PRIVILEGED"]
+    privileged = [name for name, run in pairs if run.run.get("track") == "PRIVILEGED"]
     warning = el("div", f"Reads privileged sensors: {', '.join(privileged)}.", class_="note") if privileged else None
     subtitle = f"rules {runs[0].run.get('rules', '?')} · benchmark {runs[0].run.get('benchmark_id', '?')}"
-    return document(
-        f"{len(runs)} runs beside {base}",
-        el("p", subtitle, class_="soft"),
-        warning,
-        sections,
-        el("p", note, class_="soft"),
-    )
+    head = el("p", subtitle, class_="soft")
+    table = el("div", el("table", [_who(name, run) for name, run in pairs]), class_="card wide")
+    return document(f"Runs beside {names[0]}", head, warning, table, sections, el("p", note, class_="soft note-below"))
+
+
+def _who(name: str, run: Run) -> Markup:
+    """A row that says what a run is."""
+    config = run.run.get("config", {})
+    told = [str(config.get("agent", "?")), str(config.get("agent_config") or ""), f"seed {run.run.get('seed', '?')}"]
+    return el("tr", el("td", el("b", name)), [el("td", text) for text in told])
+
+
+def _names(runs: Sequence[Run]) -> list[str]:
+    """The runs' folders, by their last part where that tells them apart."""
+    short = [run.folder.name for run in runs]
+    return short if len(set(short)) == len(short) else [str(run.folder) for run in runs]
 
 
 def _section(base: str, other: str, found: Comparison) -> Markup:
@@ -114,8 +124,3 @@ def _scatter(found: Comparison) -> Markup:
         dot = el("circle", cx=place(base), cy=_SIZE - place(other), r=4, fill="var(--accent)", fill_opacity=0.6)
         parts.append(el("g", dot, el("title", f"{name}: {base:.1f} and {other:.1f}")))
     return el("svg", *parts, viewBox=f"0 0 {_SIZE:g} {_SIZE:g}", role="img", aria_label="Scores of the pairs")
-
-
-def _name(run: Run) -> str:
-    agent = str(run.run.get("config", {}).get("agent", "agent"))
-    return f"{run.folder.name} ({agent})"

@@ -55,7 +55,8 @@ figure { margin: 0; }
 figcaption { color: var(--soft); font-size: .86rem; margin-top: 4px; }
 svg { display: block; width: 100%; height: auto; border-radius: 8px; }
 svg.map { background: var(--land); }
-.scatter figure { max-width: 420px; }
+.drive.scatter { max-width: 420px; }
+.note-below { margin-top: 24px; }
 svg.chart { margin-bottom: 10px; }
 svg text { font-family: system-ui, sans-serif; }
 .events { margin: 12px 0 0; padding: 0; list-style: none; max-height: 420px; overflow-y: auto; }

@@ -98,9 +98,20 @@ export class Panel {
     const isEgo = drive.actors.role[row] === 0;
     byId("bars").hidden = !isEgo;
     if (isEgo) this.showControls(Math.round(moment));
-    [...byId("events").children].forEach((item, k) => item.classList.toggle("now", k === current));
+    if (current !== this.current) this.markEvent(current);
     byId("inner").hidden = !scalars.length;
     fill(byId("scalars"), scalars.map(([name, value, unit]) => [name, `${Number(value.toFixed(2))} ${unit}`.trim()]));
+  }
+
+  /** Marks the event that is on, and scrolls the list (never the page) to it. */
+  markEvent(current) {
+    this.current = current;
+    const list = byId("events");
+    [...list.children].forEach((item, k) => item.classList.toggle("now", k === current));
+    const item = list.children[current];
+    if (!item) return;
+    const [top, bottom] = [item.offsetTop - list.offsetTop, item.offsetTop - list.offsetTop + item.offsetHeight];
+    if (top < list.scrollTop || bottom > list.scrollTop + list.clientHeight) list.scrollTop = top - 4;
   }
 
   factsOf(row, body, moment) {

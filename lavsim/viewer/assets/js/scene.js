@@ -10,6 +10,7 @@ const REVERSE = 64;
 const SPECIAL = 512;
 const WALKER = 6;
 const PROP = 7;
+const CROWD = 22; // px between pins
 const FLASH = 30; // ticks that a contact stays marked
 
 export class Scene {
@@ -186,9 +187,12 @@ export class Scene {
     context.textAlign = "center";
     context.font = "600 11px system-ui, sans-serif";
     const { infractions } = this.drive.meta;
-    for (let k = infractions.length - 1; k >= 0; k--) {
+    const taken = [];
+    for (let k = 0; k < infractions.length; k++) {
       const [x, y] = view.toScreen(infractions[k].x, infractions[k].y);
       if (x < -20 || y < -20 || x > view.width + 20 || y > view.height + 40) continue;
+      if (taken.some(([px, py]) => Math.hypot(px - x, py - y) < CROWD)) continue; // the first of a crowd stands for it
+      taken.push([x, y]);
       context.beginPath();
       context.moveTo(x, y);
       context.arc(x, y - 17, 10, 0.85 * Math.PI, 0.15 * Math.PI);

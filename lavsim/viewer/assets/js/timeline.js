@@ -4,6 +4,7 @@ const TOP = 20; // px of the marks' row
 const BOTTOM = 15; // px of the times' row
 const PEDALS = 5;
 const SIDE = 10;
+const CROWD = 13; // px between marks of a kind
 const REACH = 8; // px within which a mark is meant
 
 export class Timeline {
@@ -149,8 +150,11 @@ export class Timeline {
 
   drawMarks(context) {
     const { palette } = this;
-    for (const event of [...this.events].reverse()) {
+    const last = {};
+    for (const event of this.events) {
       const x = this.x(event.moment);
+      if (x - (last[event.kind] ?? -99) < CROWD) continue; // the first of a crowd stands for it
+      last[event.kind] = x;
       context.fillStyle = { infraction: palette.mark, hazard: palette.scenario, contact: palette.warn }[event.kind];
       context.beginPath();
       if (event.kind === "infraction") context.arc(x, 9, 7, 0, 2 * Math.PI);
