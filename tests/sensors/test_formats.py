@@ -15,6 +15,7 @@ from lavsim.sensors.base import SENSORS, make_sensor
 from lavsim.sensors.collision import COLLISION_DTYPE
 from lavsim.sensors.lane_invasion import INVASION_DTYPE
 from lavsim.sensors.lidar import SEMANTIC_DTYPE
+from lavsim.sensors.obstacle import OBSTACLE_DTYPE
 from lavsim.types import Tag
 from lavsim.world.snapshot import CONTACT_DTYPE, Snapshot
 from tests import worlds
@@ -40,6 +41,7 @@ FORMATS: dict[str, Any] = {
     "sensor.opendrive_map": {"opendrive": ((), str)},
     "sensor.other.collision": ((None,), COLLISION_DTYPE),
     "sensor.other.lane_invasion": ((None,), INVASION_DTYPE),
+    "sensor.other.obstacle": ((None,), OBSTACLE_DTYPE),
 }
 
 
@@ -75,9 +77,7 @@ def test_reading_has_the_leaderboards_format(kind: str) -> None:
 
 
 def test_every_sensor_of_carlas_has_a_format_here() -> None:
-    assert {kind for kind in SENSORS if not kind.startswith("sensor.lavsim.")} - set(FORMATS) <= {
-        "sensor.other.obstacle"
-    }
+    assert {kind for kind in SENSORS if not kind.startswith("sensor.lavsim.")} == set(FORMATS)
 
 
 def test_camera_channels_are_blue_green_red_alpha() -> None:
@@ -168,6 +168,21 @@ def test_lane_invasion_spares_the_road_below() -> None:
     scene = Scene(worlds.straight(100.0))
     history = [snapshot_of([replace(EGO, x=50.0 + t, y=y, z=8.0)], tick=t) for t, y in enumerate((1.4, 0.9))]
     assert len(read("sensor.other.lane_invasion", history, scene)) == 0
+
+
+def test_obstacle_is_the_first_thing_ahead_within_the_balls_way() -> None:
+    wall = plain(box(12.0, 0.0, 1.0, 20.0, 0.0, 3.0, tag=Tag.WALL), box(4.0, 0.0, 1.0, 1.0, 2.5, 4.0))
+    keys = {"x": 2.5, "attributes": {"distance": 20}}
+    found = read("sensor.other.obstacle", snapshot_of(), wall, **keys)
+    assert (int(found["other_actor"][0]), int(found["tag"][0])) == (0, Tag.WALL)
+    assert found["distance"][0] == pytest.approx(11.5 - 2.5 - 0.5, abs=0.01)
+    car = snapshot_of([EGO, Body(1000, 9.0, 1.3)])  # its side lies 0.35 m off the line: only the ball's edge meets it
+    assert read("sensor.other.obstacle", car, wall, **keys)["other_actor"].tolist() == [1000]
+    aside = snapshot_of([EGO, Body(1000, 9.0, 1.6)])
+    assert read("sensor.other.obstacle", aside, wall, **keys)["other_actor"].tolist() == [0]
+    alone = {"x": 2.5, "attributes": {"distance": 20, "only_dynamics": True}}
+    assert len(read("sensor.other.obstacle", aside, wall, **alone)) == 0
+    assert len(read("sensor.other.obstacle", snapshot_of(), wall, x=2.5)) == 0  # 5 m by default
 
 
 def test_gnss_takes_carlas_attributes_and_its_newer_convention() -> None:
