@@ -149,7 +149,8 @@ class Simulation:
         self.draws = Draws.of_seed(spec.seed)
         self._lights = TrafficLights(len(self.town.lights), self.town.light_groups, spec.light_cycle)
         self._has_slopes = float(np.ptp(self.town.lanes.points[:, 2])) > _FLAT
-        self._world = World(_walls(self.town), has_levels=self._has_slopes)
+        walls, wall_z = _walls(self.town)
+        self._world = World(walls, self._has_slopes, wall_z)
         self._spawn_ego()
         self._population = spec.population(self.town)
         self._traffic = Traffic(self.town, self._world, self.draws, self._population.vehicles)
@@ -256,8 +257,9 @@ class Simulation:
         return self._recent[-1]
 
 
-def _walls(town: TownMap) -> list[NDArray[np.float64]]:
-    """Footprints of the scenery that stops a car: what stands on the ground and is solid."""
+def _walls(town: TownMap) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    """Footprints of the scenery that stops a car, and bottom and top of each (W, 2) [m]."""
     prisms = town.scenery.prisms
-    solid = np.flatnonzero(prisms.solid & (prisms.z0 < 1.0))
-    return [prisms.vertices[k, : prisms.count[k]] for k in solid]
+    solid = np.flatnonzero(prisms.solid)
+    footprints = [prisms.vertices[k, : prisms.count[k]] for k in solid]
+    return footprints, np.stack([prisms.z0[solid], prisms.z1[solid]], axis=1).astype(np.float64)
