@@ -341,7 +341,7 @@ def _add_rain(image, look, key, tick):  # type: ignore[no-untyped-def]
             row, column = int(y + step), int(x - 0.12 * step)
             if 0 <= row < height and 0 <= column < width:
                 for c in range(3):
-                    ahead = min(255.0, look.haze[2 - c] * 1.15 + 12.0)
+                    ahead = min(255.0, look.haze[2 - c] * 1.15 + 30.0)
                     image[row, column, c] = np.uint8(image[row, column, c] + (ahead - image[row, column, c]) * alpha)
 
 

@@ -138,7 +138,8 @@ def look_of(weather: Weather) -> Look:
     """The look under `weather`."""
     altitude = weather.sun_altitude_angle
     day, low_sun = _smooth(altitude, -6.0, 12.0), 1.0 - _smooth(altitude, 2.0, 28.0)
-    overcast = min(max(weather.cloudiness, weather.precipitation) / 100.0, 1.0)
+    thick = max(weather.cloudiness, weather.precipitation) + 0.4 * weather.precipitation  # clouds that rain
+    overcast = min(thick / 100.0, 1.0)
     wet = min(max(weather.wetness, weather.precipitation_deposits, weather.precipitation) / 100.0, 1.0)
     sunlight = (
         0.66 * _smooth(altitude, -1.0, 9.0) * (1.0 - 0.9 * overcast) * _mix((1, 0.97, 0.9), (1, 0.78, 0.52), low_sun)
@@ -158,7 +159,7 @@ def look_of(weather: Weather) -> Look:
         ground=_ground_paint(ambient, sunlight * max(float(sun[2]), 0.0), wet).astype(np.float32),
         swatches=_swatches(ambient, zenith).astype(np.float32),
         night=1.0 - day,
-        noise=1.2 + 2.6 * (1.0 - day) + 0.8 * overcast,
+        noise=1.2 + 2.6 * (1.0 - day) + 0.8 * overcast + 1.2 * weather.precipitation / 100.0,
         wet=wet,
         puddles=min(weather.precipitation_deposits / 100.0, 1.0),
         rain=min(weather.precipitation / 100.0, 1.0),
@@ -183,7 +184,9 @@ def _sky_colours(day: float, low_sun: float, overcast: float) -> tuple[NDArray[n
     zenith = _mix((86, 138, 208), (150, 155, 163), overcast)
     horizon = _mix(_mix((192, 214, 232), (246, 178, 122), 0.7 * low_sun), (186, 189, 192), overcast)
     horizon = horizon * (1.0 - 0.2 * low_sun)
-    return _mix((7, 9, 18), zenith * (1.0 - 0.25 * low_sun), day), _mix((24, 26, 36), horizon, day)
+    dark = _mix((7, 9, 18), (27, 25, 27), overcast)  # clouds throw back the light of the town
+    low = _mix((24, 26, 36), (42, 39, 39), overcast)
+    return _mix(dark, zenith * (1.0 - 0.25 * low_sun), day), _mix(low, horizon, day)
 
 
 def _air(weather: Weather) -> NDArray[np.float64]:
