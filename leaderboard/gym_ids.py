@@ -1,19 +1,16 @@
-"""The environments' ids, entered when gymnasium itself is imported (entry point `gymnasium.envs`).
+"""The environments' ids: entered when this module is imported, which gymnasium does itself when a name says so.
 
-`gymnasium.make("lavsim/Route-v0")` drives the routes of a file, `"lavsim/LaneKeeping-v0"` one straight road without
-traffic. Nothing heavy is imported here.
+`gymnasium.make("leaderboard.gym_ids:lavsim/Route-v0")` drives the routes of a file,
+`"leaderboard.gym_ids:lavsim/LaneKeeping-v0"` roads without traffic or hazards.
 """
 
 from __future__ import annotations
 
+import gymnasium
 
-def register() -> None:
-    """Enters the ids; gymnasium puts the entry point's name, `lavsim/`, before them."""
-    import gymnasium
-
-    gymnasium.register("Route-v0", entry_point="leaderboard.env:RouteEnv")
-    gymnasium.register(
-        "LaneKeeping-v0",
-        entry_point="leaderboard.env:RouteEnv",
-        kwargs={"routes": "quick", "traffic": "empty", "hazards": False, "observe": ("state",), "max_seconds": 20.0},
-    )
+gymnasium.register("lavsim/Route-v0", entry_point="leaderboard.env:RouteEnv")
+gymnasium.register(
+    "lavsim/LaneKeeping-v0",
+    entry_point="leaderboard.env:RouteEnv",
+    kwargs={"routes": "quick", "traffic": "empty", "hazards": False, "observe": ("state",), "max_seconds": 20.0},
+)

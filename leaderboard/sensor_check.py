@@ -42,6 +42,8 @@ def check_sensors(sensors: Sequence[Mapping[str, Any]], track: Track, expected: 
             raise _invalid(f"sensor {name!r}: {kind} is not allowed on track {track.value}")
         if kind == "sensor.opendrive_map" and track is Track.SENSORS:
             raise _invalid(f"sensor {name!r}: {kind} is not allowed on track SENSORS")
+        if sensor.get("attributes"):
+            raise _invalid(f"sensor {name!r}: its attributes are fixed on track {track.value}")
         reach = _mount_distance(sensor, name)
         if reach > rules.mount_radius:
             raise _invalid(f"sensor {name!r} is mounted {reach:.2f} m from the ego, {rules.mount_radius} m at most")

@@ -225,6 +225,12 @@ LIDAR = {"type": "sensor.lidar.ray_cast", "id": "lidar", "x": 0.0, "y": 0.0, "z"
         ([{**LIDAR, "x": 0.1}], Track.SENSORS, r"3\.00 m from the ego, 3\.0 m at most"),
         ([SPEED, {**LIDAR, "id": "speed"}], Track.SENSORS, "two sensors have the id 'speed'"),
         ([{"type": "sensor.speedometer"}], Track.SENSORS, "without type or id"),
+        (
+            [{**LIDAR, "attributes": {"channels": 32}}],
+            Track.SENSORS,
+            "'lidar': its attributes are fixed on track SENSORS",
+        ),
+        ([{**LIDAR, "attributes": {"channels": 32}}], Track.PRIVILEGED, None),
         ([{"type": "sensor.lavsim.truth", "id": "t"}], Track.PRIVILEGED, None),
         ([{"type": "sensor.camera.depth", "id": "d"}], Track.MAP, "not allowed on track MAP"),
     ],
