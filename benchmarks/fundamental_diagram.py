@@ -1,7 +1,7 @@
 """Flow, density and speed of a ring road beside what the following model says, as figures and as a picture.
 
 `python benchmarks/fundamental_diagram.py [PICTURE]`: rings of 1 km with one lane at 50 and at 90 km/h, from 5 vehicles
-to a jam, ten minutes each. Vehicles and drivers are those of background traffic.
+to a jam. Drivers are those of background traffic, all in the same car: a bicycle would lead everybody at its own speed.
 """
 
 from __future__ import annotations
@@ -23,18 +23,20 @@ from lavsim.random import Draws
 from lavsim.traffic.audit import TrafficAudit
 from lavsim.traffic.drivers import draw_driver
 from lavsim.types import DT, ActorIds
+from lavsim.world.blueprints import find_blueprint
 from tests.traffic.roads import Drive, circle, evenly
 
 LIMITS = (30, 50, 90)  # [km/h]
-COUNTS = (5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 90, 100, 110, 120)
-WARM_UP, WATCHED = 6000, 6000  # ticks
+COUNTS = (5, 15, 25, 35, 42, 50, 60, 75, 95, 120)
+WARM_UP, WATCHED = 3000, 2000  # ticks
 LENGTH = 1000.0  # [m]
+CAR = "vehicle.seat.leon"
 
 
 def measure(limit: int, count: int) -> tuple[float, float, int]:
     """Density [1/km], flow [1/h] and contacts of `count` vehicles."""
     town = circle(LENGTH, limit)
-    drive = Drive(town, evenly(town, count))
+    drive = Drive(town, evenly(town, count), blueprint=CAR)
     audit = TrafficAudit(town)
     metres = 0.0
     for tick in range(WARM_UP + WATCHED):
@@ -47,19 +49,13 @@ def measure(limit: int, count: int) -> tuple[float, float, int]:
 
 
 def theory(limit: int, drivers: int = 200) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Density [1/km] and flow [1/h] of the same mix of drivers and vehicles in equilibrium."""
+    """Density [1/km] and flow [1/h] of the same drivers in equilibrium: the slowest leads, then gaps set the speed."""
     draws = Draws.of_seed(0).stream("traffic")
     mix = [draw_driver(draws, int(ActorIds.TRAFFIC) + k) for k in range(drivers)]
-    slowest = min(d.speed_factor for d in mix) * limit / 3.6
-    speeds = np.linspace(0.0, slowest, 200)
-    gap = np.mean([equilibrium_gap(speeds, d.min_gap, d.headway, d.speed_factor * limit / 3.6) for d in mix], axis=0)
-    space = gap + 4.3
-    return 1000.0 / space, 3600.0 * speeds / space
-
-
-def equilibrium_gap(speed: NDArray[np.float64], min_gap: float, headway: float, wanted: float) -> NDArray[np.float64]:
-    """Gap of the intelligent driver model at a common speed [m]."""
-    return np.asarray((min_gap + speed * headway) / np.sqrt(np.maximum(1.0 - (speed / wanted) ** 4, 1e-6)))
+    speeds = np.linspace(min(d.speed_factor for d in mix) * limit / 3.6, 0.0, 200)
+    gap = np.mean([d.min_gap for d in mix]) + speeds * np.mean([d.headway for d in mix])
+    density = 1000.0 / (gap + find_blueprint(CAR).size[0])
+    return np.append(1e-3, density), 3.6 * np.append(1e-3, density) * np.append(speeds[0], speeds)
 
 
 def draw(found: dict[int, NDArray[np.float64]], path: Path) -> None:
@@ -74,7 +70,7 @@ def draw(found: dict[int, NDArray[np.float64]], path: Path) -> None:
     for colour, (limit, points) in zip(("tab:green", "tab:blue", "tab:red"), found.items(), strict=True):
         density, flow = theory(limit)
         left.plot(density, flow, color=colour, lw=1.2)
-        right.plot(density, 3.6 * flow / 3.6 / np.maximum(density, 1e-9), color=colour, lw=1.2)
+        right.plot(density, flow / density, color=colour, lw=1.2)
         left.plot(points[:, 0], points[:, 1], "o", color=colour, ms=4.5, label=f"limit {limit} km/h")
         right.plot(points[:, 0], points[:, 1] / points[:, 0], "o", color=colour, ms=4.5)
     left.set(xlabel="density [vehicles/km]", ylabel="flow [vehicles/h]", xlim=(0.0, 140.0), ylim=(0.0, None))
