@@ -413,6 +413,9 @@ def show(
     end: Annotated[float | None, typer.Option("--to", help="Where the film ends [s].")] = None,
     speed: Annotated[float, typer.Option(help="Of the film; 2 is twice as fast as the drive.")] = 1.0,
     panes: Annotated[bool, typer.Option("--panes", help="Cameras and LiDAR beside replay and film.")] = False,
+    weathers: Annotated[
+        str | None, typer.Option(help="Of a town: a sheet for each weather, 'lav', '1.0', '2.x'.")
+    ] = None,
     town_path: TownPath = None,
 ) -> None:
     """Draw a town, routes, the drives of a run, or look at a recorded drive; prints the paths of the files."""
@@ -438,6 +441,11 @@ def show(
         folder.mkdir(parents=True, exist_ok=True)
         pictures = [folder / f"{what}.png"]
         write_png(draw_town(load_town(what, search)).image, pictures[0])
+        if weathers is not None:
+            from lavsim.sheets import weather_sheets
+            from lavsim.world.weather_presets import weathers_of
+
+            pictures += weather_sheets(load_town(what, search), weathers_of(weathers), folder)
     elif kind == "routes":
         from leaderboard.picture import draw_routes
 

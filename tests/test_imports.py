@@ -22,7 +22,9 @@ ALLOWED = {
 
 # Layers of lavsim, high to low; a module imports its own layer and those below. Names are parts of `lavsim.<name>`.
 LAYERS: tuple[tuple[str, ...], ...] = (
-    ("__main__", "cli", "bench"),
+    ("__main__", "cli"),
+    ("sheets",),
+    ("bench",),
     ("episode", "viewer"),
     ("isolation", "isolation_child"),
     ("agent", "agent_source", "carla_standin"),

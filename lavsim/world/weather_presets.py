@@ -86,9 +86,18 @@ def find_weather(name: str, generation: str = "2.x") -> Weather:
     Raises:
         UnknownName: no such preset or generation; the message names the nearest.
     """
-    if generation not in _TABLES:
-        raise UnknownName("generation of weathers", generation, _TABLES)
-    table = _TABLES[generation]
+    table = weathers_of(generation)
     if name not in table:
         raise UnknownName("weather", name, table)
     return table[name]
+
+
+def weathers_of(generation: str) -> Mapping[str, Weather]:
+    """All presets of a generation by name, as `find_weather` takes them.
+
+    Raises:
+        UnknownName: no such generation.
+    """
+    if generation not in _TABLES:
+        raise UnknownName("generation of weathers", generation, _TABLES)
+    return _TABLES[generation]
