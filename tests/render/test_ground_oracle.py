@@ -120,6 +120,7 @@ def test_tags_of_the_ground_are_those_of_the_lanes_below(town: TownMap, paper: P
         expected, clear = paper.expected(places)
         compared += int(clear.sum())
         wrong += int((clear & (expected != tags[row, column][on_ground])).sum())
+    print(f"{wrong} of {compared} places on the ground have another tag")
     assert compared > 5000
     assert wrong <= 0.005 * compared
 
