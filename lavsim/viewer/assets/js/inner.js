@@ -24,6 +24,28 @@ export class Inner {
     }
   }
 
+  /** Writes the boxes' labels; called when everything else is drawn. */
+  drawLabels(context, view, moment, isShown, palette) {
+    if (view.scale < 3) return;
+    context.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
+    context.font = "600 12px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.lineWidth = 4;
+    context.lineJoin = "round";
+    context.strokeStyle = palette.halo;
+    for (const item of this.items) {
+      const frame = item.kind === "boxes" && isShown(item.name) ? item.frame(moment) : -1;
+      if (frame < 0) continue;
+      context.fillStyle = palette[item.name] || palette.inner;
+      for (let i = item.first[frame]; i < item.first[frame + 1]; i++) {
+        if (item.label[i] < 0) continue;
+        const [x, y] = view.toScreen(item.x[i] / 100, item.y[i] / 100);
+        context.strokeText(item.labels[item.label[i]], x, y - 18);
+        context.fillText(item.labels[item.label[i]], x, y - 18);
+      }
+    }
+  }
+
   /** [name, value, unit] of the scalars at a moment. */
   scalars(moment) {
     return this.items.filter((item) => item.kind === "scalar" && item.frame(moment) >= 0)
@@ -56,7 +78,7 @@ class Item {
     for (let i = this.first[frame]; i < this.first[frame + 1]; i++) {
       context.globalAlpha = 0.15 + 0.85 * (this.likelihood[i] / 255);
       if (this.kind === "polylines") this.drawLine(context, i, pixel);
-      else if (this.kind === "boxes") this.drawBox(context, view, i, pixel);
+      else if (this.kind === "boxes") this.drawBox(context, i, pixel);
       else {
         const size = Math.max(0.25, 3 * pixel);
         context.fillRect(this.x[i] / 100 - size / 2, this.y[i] / 100 - size / 2, size, size);
@@ -73,21 +95,13 @@ class Item {
     context.stroke();
   }
 
-  drawBox(context, view, i, pixel) {
+  drawBox(context, i, pixel) {
     const yaw = this.yaw[i] / 1000;
     context.save();
     context.translate(this.x[i] / 100, this.y[i] / 100);
     context.rotate(yaw);
     context.lineWidth = Math.max(0.25, 2 * pixel);
     context.strokeRect(-this.length[i] / 200 - 0.25, -this.width[i] / 200 - 0.25, this.length[i] / 100 + 0.5, this.width[i] / 100 + 0.5);
-    const label = this.label[i] >= 0 ? this.labels[this.label[i]] : "";
-    if (label && view.scale > 3) {
-      context.rotate(-yaw - view.angle);
-      context.scale(pixel, pixel);
-      context.font = "600 12px system-ui, sans-serif";
-      context.textAlign = "center";
-      context.fillText(label, 0, -1.8 * view.scale);
-    }
     context.restore();
   }
 

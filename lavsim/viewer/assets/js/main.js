@@ -257,6 +257,7 @@ class Player {
     const isComplete = this.tiles.draw(context, this.view, performance.now() + TILE_TIME);
     this.inner.draw(context, this.view, this.moment, (name) => this.show.inner[name], this.palette);
     this.scene.draw(context, this.view, this.moment, this.show, this.palette, this.selected);
+    this.inner.drawLabels(context, this.view, this.moment, (name) => this.show.inner[name], this.palette);
     this.timeline.draw(this.moment);
     this.panes.draw(this.moment);
     this.showHud();
