@@ -165,10 +165,19 @@ def meet_ground(heights, origin, headings, slopes, limits, carried, runs):  # ty
     px, py, oz = (origin[0] - heights.x0) / CELL, (origin[1] - heights.y0) / CELL, origin[2]
     last_row, last_column = low.shape[0] - 1, low.shape[1] - 1
     known = 0.0
+    # The plane that the last ray met: height base + tilt_x * x + tilt_y * y within `size` cells from left, above.
+    base, tilt_x, tilt_y, left, above, size, half = 0.0, 0.0, 0.0, 0, 0, 0, 0
     for n in range(len(runs)):
         dx, dy, rise, end = headings[n, 0], headings[n, 1], slopes[n] * CELL, limits[n] / CELL
-        over_dx, over_dy = 1.0 / dx if dx != 0.0 else _FAR, 1.0 / dy if dy != 0.0 else _FAR
         run, met = carried * known, np.inf
+        fall = rise - tilt_x * dx - tilt_y * dy
+        if carried > 0.0 and size > 0 and fall < 0.0:
+            again = (base + tilt_x * px + tilt_y * py - oz) / fall
+            x, y = px + again * dx - left, py + again * dy - above
+            if run <= again < end and 0.0 <= x < size and 0.0 <= y < size and (half == 0 or (x >= y) == (half == 1)):
+                runs[n], known = again * CELL, again
+                continue
+        over_dx, over_dy = 1.0 / dx if dx != 0.0 else _FAR, 1.0 / dy if dy != 0.0 else _FAR
         if oz > top and rise < 0.0:
             run = max(run, (top - oz) / rise)
         while run < end:
@@ -188,10 +197,21 @@ def meet_ground(heights, origin, headings, slopes, limits, carried, runs):  # ty
                     met = run
                 elif oz + rise * out <= floor:
                     met = (floor - oz) / rise
+                if met < np.inf:
+                    base, tilt_x, tilt_y, size, half = floor, 0.0, 0.0, BLOCK, 0
+                    left = (int(np.floor(px + (run + _NUDGE) * dx)) >> _SHIFT) << _SHIFT
+                    above = (int(np.floor(py + (run + _NUDGE) * dy)) >> _SHIFT) << _SHIFT
+                    break
             else:
                 met = _walk_cells(nodes, px, py, oz, dx, dy, over_dx, over_dy, rise, run, out)
-            if met < np.inf:
-                break
+                if met < np.inf:
+                    left, above, size = int(np.floor(px + met * dx)), int(np.floor(py + met * dy)), 1
+                    first, along_x, along_y, last = _corners(nodes, left, above)
+                    half = 1 if px + met * dx - left >= py + met * dy - above else 2
+                    tilt_x = along_x - first if half == 1 else last - along_y
+                    tilt_y = last - along_x if half == 1 else along_y - first
+                    base = first - tilt_x * left - tilt_y * above
+                    break
             run = out
         runs[n] = met * CELL
         if end >= 0.0:
