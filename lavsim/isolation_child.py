@@ -13,7 +13,7 @@ import traceback
 from dataclasses import asdict
 from typing import Any
 
-from lavsim import carla_standin
+from lavsim import carla_standin, srunner_standin
 from lavsim.agent import AgentFailure, AgentPlan, AgentRunner, AgentSpec, AgentStatus
 from lavsim.messages import Channel
 
@@ -38,6 +38,7 @@ def main(arguments: list[str]) -> int:
             elif message["order"] == "step":
                 assert runner is not None
                 readings = {key: (frame, data) for key, (frame, data) in message["readings"].items()}
+                srunner_standin.tell_time(message["time"])
                 reply = asdict(runner.step(readings, message["time"]))
                 if runner.spec.drawings:
                     reply["drawings"] = runner.drawings()
@@ -64,6 +65,7 @@ def _start(message: dict[str, Any]) -> tuple[AgentRunner, dict[str, Any]]:
     if os.getcwd() not in sys.path and "" not in sys.path:
         sys.path.append(os.getcwd())  # "module:Class" of the user's own folder
     carla_standin.install()
+    srunner_standin.install()
     runner = AgentRunner(AgentSpec.from_json(message["spec"]))
     runner.start(AgentPlan(**message["plan"]), message["spacing"])
     return runner, {"track": runner.track.value, "sensors": runner.sensors}
