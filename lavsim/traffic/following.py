@@ -29,6 +29,7 @@ from lavsim.traffic.obstacles import Boxes, Grid, cell_at, obstacle_at
 
 HARD_BRAKE = 8.0  # [m/s²]
 _EASE_OFF = 3.0  # [m/s²] at most for who is faster than it wants to be
+_SLOW_DOWN = 25.0  # [m/s²] for a speed twice the wanted one: 6 % above it a driver brakes as for a bend
 _TOUCHING = 0.3  # [m]
 _BRAKE_FROM = 0.6  # share of the comfortable deceleration at which a driver begins to brake for a line
 SAMPLE = 1.5  # [m] between the points of a path that are looked at
@@ -51,6 +52,8 @@ def idm_acceleration(speed: float, wanted: float, gap: float, closing: float, dr
     share = speed / max(wanted, 0.1)
     share *= share
     free = max(most * (1.0 - share * share), -_EASE_OFF)
+    if speed > wanted:
+        free = max(-_SLOW_DOWN * (speed / max(wanted, 0.1) - 1.0), -_EASE_OFF)
     if math.isinf(gap):
         return free
     if gap < _TOUCHING:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lavsim.kernel import lean_kernel as kernel
 from lavsim.traffic.fleet import NOBODY, PATH_LANES, RED_LIGHT, Fleet
 from lavsim.traffic.guests import Guests
-from lavsim.traffic.near import Near, view_before_junction
+from lavsim.traffic.near import Near, exit_of, view_before_junction
 from lavsim.traffic.network import STOPS, Lanes
 from lavsim.traffic.obstacles import Boxes
 from lavsim.traffic.right_of_way import has_room, whom_to_wait_for
@@ -90,10 +90,12 @@ def line_ahead(
         if speed < 0.1 and gap < 1.0:
             fleet.halted[i] = target
         return max(gap, 0.0), NOBODY
-    if holds or _is_caught_behind(lanes, fleet, boxes, lights, i, at):
+    if holds:
         return max(gap, 0.0), NOBODY
+    if _is_caught_behind(lanes, fleet, boxes, lights, i, at):
+        return max(gap, 0.0), RED_LIGHT
     if not has_room(lanes, fleet, boxes, near, i, target):
-        return max(gap, 0.0), NOBODY
+        return max(gap, 0.0), int(near.tail_row[exit_of(lanes, fleet, i, at)])
     who = whom_to_wait_for(lanes, fleet, guests, boxes, near, lights, vehicle_lights, i, target, ahead, tick)
     if who != NOBODY:
         return max(gap, 0.0), who

@@ -36,6 +36,7 @@ class Near(NamedTuple):
         slot: (approaches,) slot in the fleet, or -1 - g for guest g.
         used: (1,) approaches.
         tail: (L,) travelled length at the rear of the last slow vehicle of each lane [m]; inf when free.
+        tail_row: (L,) its row in the world, -1.
         claimed: (L,) length taken on each lane by vehicles inside the junction before it [m].
     """
 
@@ -52,6 +53,7 @@ class Near(NamedTuple):
     slot: NDArray[np.int32]
     used: NDArray[np.int64]
     tail: NDArray[np.float64]
+    tail_row: NDArray[np.int64]
     claimed: NDArray[np.float64]
 
 
@@ -71,6 +73,7 @@ def make_near(lanes: int, vehicles: int) -> Near:
         slot=np.zeros(approaches, np.int32),
         used=np.zeros(1, np.int64),
         tail=np.full(lanes, np.inf),
+        tail_row=np.full(lanes, -1, np.int64),
         claimed=np.zeros(lanes),
     )
 
@@ -81,6 +84,7 @@ def survey(lanes: Lanes, fleet: Fleet, guests: Guests, boxes: Boxes, near: Near)
     near.head[:] = -1
     near.first[:] = -1
     near.tail[:] = np.inf
+    near.tail_row[:] = -1
     near.claimed[:] = 0.0
     near.lane[:] = -1
     count = len(fleet.row)
@@ -120,8 +124,9 @@ def enter_order(near: Near, entry: int, lane: int, u: float, row: int) -> None:
 
 @kernel
 def _note_tail(near: Near, lane: int, u: float, boxes: Boxes, row: int) -> None:
-    if boxes.forward[row] < SLOW:
-        near.tail[lane] = min(near.tail[lane], u - boxes.half[row, 0])
+    rear = u - boxes.half[row, 0]
+    if boxes.forward[row] < SLOW and rear < near.tail[lane]:
+        near.tail[lane], near.tail_row[lane] = rear, row
 
 
 @kernel

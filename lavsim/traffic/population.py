@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from lavsim.map.town_map import TownMap
 from lavsim.portable_math import snapped
 from lavsim.random import Draws
+from lavsim.traffic.around_ego import LEADING_DISTANCE, LOOK_EVERY, left_behind, places_around
 from lavsim.traffic.corridor import corridor_of
 from lavsim.traffic.drive import Scene, drive
-from lavsim.traffic.drivers import Driver, draw_driver
+from lavsim.traffic.drivers import MIN_GAP, Driver, draw_driver
 from lavsim.traffic.fleet import clear_slot, extend_path, make_fleet
 from lavsim.traffic.guests import find_lost, make_guests
 from lavsim.traffic.near import make_near
@@ -25,6 +26,8 @@ from lavsim.world.world import World
 _SPACING = 12.0  # [m] between spawn points of a lane
 _CLEAR_OF_EGO = 15.0  # [m]
 _MARGIN = 20.0  # [m] of the grid around the town
+_MOST_AROUND_EGO = 80  # vehicles that follow the ego
+_CLEAR_AT_START, _CLEAR_OF_EGO_LATER, _CLEAR_OF_OTHERS = 12.0, 35.0, 9.0  # [m] where they appear
 _MOST_CALLS = 8  # vehicles on call at once
 _SEEN = 40.0  # [m] from the ego: nobody vanishes there
 _OUT_OF_SIGHT = 80.0  # [m] from the ego: there others may appear
@@ -51,6 +54,7 @@ class Traffic:
         world: What they are spawned into; the ego must be there already.
         draws: Root of the drive's draws.
         count: Vehicles wanted; fewer where the town has no room.
+        follows_ego: Vehicles appear around the ego and are taken out behind it (2.x) instead of filling the town.
         places: (S, 2) lane and travelled length [m] of the places, taken in this order; None draws them.
         driver: Who drives all of them; None draws everybody's driver.
 
@@ -65,6 +69,7 @@ class Traffic:
         world: World,
         draws: Draws,
         count: int,
+        follows_ego: bool = False,
         places: NDArray[np.float64] | None = None,
         driver: Driver | None = None,
     ) -> None:
@@ -86,6 +91,14 @@ class Traffic:
         self.lamps = VehicleLight.NONE
         self.dissolved = 0
         self._dissolved_at = -_DISSOLVE_PAUSE
+        self._follows_ego = follows_ego
+        self._next_id = int(ActorIds.TRAFFIC)
+        if follows_ego:
+            self._changes_lanes = False
+            self._fleet = make_fleet(min(count, _MOST_AROUND_EGO))
+            self._near = make_near(len(town.lanes), len(self._fleet.row))
+            self._surround_ego()
+            return
         if places is None:
             places = spawn_points(town)
             places = places[self._draws.stream("places").permutation(0, len(places))]
@@ -94,7 +107,6 @@ class Traffic:
         free = np.flatnonzero(np.hypot(*(poses[:, :2] - world.ego.xy).T) > _CLEAR_OF_EGO)[:count]
         self._fleet = make_fleet(len(free))
         self._near = make_near(len(town.lanes), len(free))
-        self._next_id = int(ActorIds.TRAFFIC)
         for slot, place in enumerate(free):
             self._spawn(slot, int(places[place, 0]), float(places[place, 1]), poses[place])
 
@@ -108,7 +120,11 @@ class Traffic:
 
     def control(self, lights: NDArray[np.uint8]) -> None:
         """Lets every driver decide on this tick; writes the world's commands."""
-        world, n = self._world, self._world.count
+        world = self._world
+        if self._follows_ego and world.tick % LOOK_EVERY == 0:
+            self._leave_behind()
+            self._surround_ego()
+        n = world.count
         if n > self._known:
             self._meet()
         boxes = Boxes(
@@ -122,7 +138,7 @@ class Traffic:
             self._sorting, self._grid, self._guests, self._near, self._calls, self._changes_lanes,
         )  # fmt: skip
         stuck = drive(scene, self._fleet, world.tick, int(self.lamps), world.command[:n], world.lights[:n])
-        if stuck >= 0 and world.tick - self._dissolved_at >= _DISSOLVE_PAUSE:
+        if stuck >= 0 and not self._follows_ego and world.tick - self._dissolved_at >= _DISSOLVE_PAUSE:
             self._dissolve(stuck)
 
     def _meet(self) -> None:
@@ -152,6 +168,32 @@ class Traffic:
         driver = self._driver or draw_driver(self._draws, actor_id, blueprint.actor_class)
         fleet.driver[slot] = driver.traits
         extend_path(self._lanes, fleet, slot)
+
+    def _surround_ego(self) -> None:
+        """Lets vehicles appear where some are missing around the ego."""
+        world, ego = self._world, self._world.ego
+        hit = self._town.nearest(np.append(ego.xy, world.height[0])[None])
+        is_start = not (self._fleet.row >= 0).any()
+        others = world.pose[: world.count, :2][world.present[: world.count]]
+        for lane, u in places_around(self._town, self._draws, int(hit.lane[0]), float(hit.u[0])):
+            free = np.flatnonzero(self._fleet.row < 0)
+            if not len(free):
+                return
+            pose = snapped(self._town.centre(np.array([lane]), np.array([u]))[0])
+            far = np.hypot(*(pose[:2] - ego.xy)) > (_CLEAR_AT_START if is_start else _CLEAR_OF_EGO_LATER)
+            if far and np.hypot(*(others - pose[:2]).T).min() > _CLEAR_OF_OTHERS:
+                self._spawn(int(free[0]), lane, u, pose)
+                self._fleet.driver[free[0], MIN_GAP] = LEADING_DISTANCE
+                others = np.vstack([others, pose[:2]])
+
+    def _leave_behind(self) -> None:
+        """Takes out vehicles that the ego has left behind."""
+        world, fleet = self._world, self._fleet
+        slots = np.flatnonzero(fleet.row >= 0)
+        gone = left_behind(world.pose[fleet.row[slots], :2], world.ego.xy, float(world.pose[0, 2]))
+        for slot in slots[gone]:
+            world.remove(Actor(world, int(fleet.row[slot])))
+            fleet.row[slot] = -1
 
     def _dissolve(self, slot: int) -> None:
         """Takes a vehicle out that nothing else gets going, and lets a new one appear out of the ego's sight."""
