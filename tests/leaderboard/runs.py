@@ -95,7 +95,7 @@ def make_run(folder: Path, agent: str = "agents.example:Agent", route_id: str = 
 
 def _log(path: Path, points: np.ndarray, percent: float, found: list[Infraction]) -> tuple[list[Infraction], int]:
     route = get_planner(load_town(TOWN)).trace(points)
-    header = {"town": TOWN, "keypoints": points.tolist()}
+    header = {"town": TOWN, "keypoints": points.tolist(), "seed": 0}
     writer = LogWriter(path)
     writer.start(SimpleNamespace(header=lambda: header))  # type: ignore[arg-type]
     end, at, tick, places = route.length * percent / 100.0, 0.0, 0, {}

@@ -50,6 +50,7 @@ class Player {
     this.wire();
     this.onHash();
     this.showNote();
+    if (!drive.ticks) this.fit();
     this.redraw();
   }
 
