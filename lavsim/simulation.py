@@ -153,7 +153,10 @@ class Simulation:
         self._world = World(walls, self._has_slopes, wall_z)
         self._spawn_ego()
         self._population = spec.population(self.town)
-        self._traffic = Traffic(self.town, self._world, self.draws, self._population.vehicles)
+        population = self._population
+        self._traffic = Traffic(
+            self.town, self._world, self.draws, population.vehicles, follows_ego=population.follows_ego
+        )
         self._walkers = Walkers(self.town, self._world, self.draws, self._population.walkers, spec.jaywalking)
         park_cars(self.town, self._world, self.draws, self._population.parked)
         self._index = 0  # nearest route point, see `_track_route`
