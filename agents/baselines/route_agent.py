@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from agents.behavior.control import Controller
 from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
-from lavsim.agent import Agent, Track
+from agents.privileged import PrivilegedAgent
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.types import Control
-
-RADIUS = 60.0  # [m] around the ego that it is told about
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Pose:
     half_length: float
 
 
-class RouteAgent(Agent):
+class RouteAgent(PrivilegedAgent):
     """Follows the dense plan; a subclass says how fast.
 
     Attributes:
@@ -38,25 +36,16 @@ class RouteAgent(Agent):
     path: ReferencePath
     town: TownMap
 
-    _dense: Sequence[tuple[Any, Any]] = ()  # set by `set_global_plan`, which in 2.x comes before `setup`
+    radius = 60.0
 
     def setup(self, path_to_conf_file: str | None) -> None:
-        self.track = Track.PRIVILEGED
+        super().setup(path_to_conf_file)
         self._tracker: PathTracker | None = None
-
-    def sensors(self) -> list[dict[str, Any]]:
-        return [{"type": "sensor.lavsim.truth", "id": "truth", "radius": RADIUS}]
-
-    def set_global_plan(
-        self, global_plan_gps: list[tuple[dict[str, float], Any]], global_plan_world_coord: list[tuple[Any, Any]]
-    ) -> None:
-        super().set_global_plan(global_plan_gps, global_plan_world_coord)
-        self._dense = global_plan_world_coord
 
     def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
         truth = input_data["truth"][1]
         if self._tracker is None:
-            self.path, self.town = path_of_plan(self._dense), load_town(truth["town"])
+            self.path, self.town = path_of_plan(self.dense_plan), load_town(truth["town"])
             self._tracker, self._controller = PathTracker(self.path), Controller()
             self.begin()
         s, offset = self._tracker.update(float(truth["xyz"][0, 0]), float(truth["xyz"][0, 1]))

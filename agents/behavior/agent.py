@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,11 @@ from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
 from agents.behavior.road import StopPoint, TrackBook, limits_along, stop_points
 from agents.behavior.speed import Manner, speed_profile, stopping, time_to_cover, towards
 from agents.behavior.view import View, drawings_of
-from lavsim.agent import Agent, Track
+from agents.privileged import PrivilegedAgent
 from lavsim.drawings import Drawing
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.types import Control, LightState, RoadOption
 
-RADIUS = 100.0  # [m] around the ego that it is told about
 LINE_GAP = 0.8  # [m] between bumper and stop line
 YELLOW_BRAKING = 3.0  # [m/s²] it stops at yellow if that much suffices
 LAST_BRAKING = 8.0  # [m/s²] or this much, if its rear would not be over the line before red
@@ -39,29 +38,17 @@ def get_entry_point() -> str:
     return "BehaviorAgent"
 
 
-class BehaviorAgent(Agent):
+class BehaviorAgent(PrivilegedAgent):
     """Keeps lanes, turns, stops for lights, vehicles and walkers; on `Track.PRIVILEGED`."""
 
-    _dense: Sequence[tuple[Any, Any]] = ()  # set by `set_global_plan`, which in 2.x comes before `setup`
-
     def setup(self, path_to_conf_file: str | None) -> None:
-        self.track = Track.PRIVILEGED
+        super().setup(path_to_conf_file)
         self._expert: Expert | None = None
-
-    def sensors(self) -> list[dict[str, Any]]:
-        return [{"type": "sensor.lavsim.truth", "id": "truth", "radius": RADIUS}]
-
-    def set_global_plan(
-        self, global_plan_gps: list[tuple[dict[str, float], Any]], global_plan_world_coord: list[tuple[Any, Any]]
-    ) -> None:
-        """Keeps the thinned plan as every agent, and the dense one to drive by."""
-        super().set_global_plan(global_plan_gps, global_plan_world_coord)
-        self._dense = global_plan_world_coord
 
     def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
         truth = input_data["truth"][1]
         if self._expert is None:
-            self._expert = Expert(path_of_plan(self._dense), load_town(truth["town"]))
+            self._expert = Expert(path_of_plan(self.dense_plan), load_town(truth["town"]))
         return self._expert.drive(truth)
 
     def drawings(self) -> dict[str, Drawing]:
