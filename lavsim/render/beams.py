@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
 from lavsim.render.heights import level_within, meet_ground
 
 NO_HIT = -2
@@ -30,7 +30,7 @@ class Beams(NamedTuple):
     reach: NDArray[np.float64]
 
 
-@kernel
+@lean_kernel
 def _plane_run(height, inverse):  # type: ignore[no-untyped-def]
     """Horizontal run [m] to a level ground of a beam `height` above it, `inverse` being run over rise."""
     run = -height * inverse
@@ -116,7 +116,7 @@ def _near_first(centre, radius, ox, oy, max_range):  # type: ignore[no-untyped-d
     return rows[:found][np.argsort(near[:found], kind="mergesort")]
 
 
-@kernel
+@lean_kernel
 def _edges(xy, k, n, ox, oy, edges):  # type: ignore[no-untyped-def]
     """Fills `edges` (n, 3) with outward normals and their offsets from the origin; True if the origin is inside.
 
@@ -132,7 +132,7 @@ def _edges(xy, k, n, ox, oy, edges):  # type: ignore[no-untyped-def]
     return inside
 
 
-@kernel
+@lean_kernel
 def _span(xy, k, n, cx, cy, ox, oy, inside):  # type: ignore[no-untyped-def]
     """Bearing of a solid's centre, at `cx`, `cy` from the origin, and the extremes of its footprint from it [rad]."""
     if inside:
@@ -145,7 +145,7 @@ def _span(xy, k, n, cx, cy, ox, oy, inside):  # type: ignore[no-untyped-def]
     return np.arctan2(cy, cx), low, high
 
 
-@kernel
+@lean_kernel
 def _cut(edges, n, dx, dy):  # type: ignore[no-untyped-def]
     """Runs at which a horizontal ray enters and leaves a footprint; enter > leave if it misses."""
     enter, leave = -np.inf, np.inf
@@ -192,7 +192,7 @@ def _cast_solids(  # type: ignore[no-untyped-def]
                     _fill_column(slope, inverse, below, above, rise, enter, leave, k + offset, run, hit, farthest, j)
 
 
-@kernel
+@lean_kernel
 def _channel_at(slope, value):  # type: ignore[no-untyped-def]
     """First channel whose slope is at most `value`; slopes fall with the channel."""
     low, high = 0, len(slope)
@@ -205,7 +205,7 @@ def _channel_at(slope, value):  # type: ignore[no-untyped-def]
     return low
 
 
-@kernel
+@lean_kernel
 def _fill_column(  # type: ignore[no-untyped-def]
     slope, inverse, below, above, rise, enter, leave, row, run, hit, farthest, j
 ):
@@ -305,7 +305,7 @@ def cast_rays(  # type: ignore[no-untyped-def]
         run[order[o]], hit[order[o]] = near[o] / flat[o], met[o]
 
 
-@kernel
+@lean_kernel
 def _slopes(below, above, distance, radius, lean):  # type: ignore[no-untyped-def]
     """Least and greatest slope of a beam that can meet what stands within `radius` of a place `distance` away."""
     nearest, farthest = distance - radius, distance + radius
@@ -348,7 +348,7 @@ def _cut_beams(solids, offset, origin, max_range, first, heading, slope, run, hi
                     run[o], hit[o] = reached, k + offset
 
 
-@kernel
+@lean_kernel
 def _enter_slab(below, above, enter, leave, slope):  # type: ignore[no-untyped-def]
     """Run at which a ray of `slope` is first inside a solid; infinite if never."""
     if slope != 0.0:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
 
 CELL = 1.0  # [m] between corners
 BLOCK = 16  # cells along a block's side
@@ -65,7 +65,7 @@ def heights_of(nodes: NDArray[np.float32], x0: float, y0: float) -> Heights:
     return Heights(nodes, low, high, float(x0), float(y0), float(high.max()), 0.0, False)
 
 
-@kernel
+@lean_kernel
 def _corners(nodes, i, j):  # type: ignore[no-untyped-def]
     """Heights of the corners of cell (column i, row j): least x and y, most x, most y, most of both."""
     rows, columns = nodes.shape
@@ -74,7 +74,7 @@ def _corners(nodes, i, j):  # type: ignore[no-untyped-def]
     return float(nodes[c, a]), float(nodes[c, b]), float(nodes[d, a]), float(nodes[d, b])
 
 
-@kernel
+@lean_kernel
 def _on_cell(corners, x, y):  # type: ignore[no-untyped-def]
     """Height at x, y in cells from a cell's first corner."""
     first, along_x, along_y, last = corners
@@ -115,13 +115,13 @@ def heights_at(heights, places):  # type: ignore[no-untyped-def]
     return found
 
 
-@kernel
+@lean_kernel
 def _leave(place, step, inverse, cell, size):  # type: ignore[no-untyped-def]
     """Run at which a ray that is at `place` + run * `step` leaves the span of `size` that starts at `cell`."""
     return (cell + size - place if step >= 0.0 else cell - place) * inverse
 
 
-@kernel
+@lean_kernel
 def _walk_cells(nodes, px, py, oz, dx, dy, over_dx, over_dy, rise, run, out):  # type: ignore[no-untyped-def]
     """Run (in cells) at which a ray goes below the ground between `run` and `out`; infinite if it stays above."""
     while run < out:
@@ -146,7 +146,7 @@ def _walk_cells(nodes, px, py, oz, dx, dy, over_dx, over_dy, rise, run, out):  #
     return np.inf
 
 
-@kernel
+@lean_kernel
 def meet_ground(heights, origin, headings, slopes, limits, carried, runs):  # type: ignore[no-untyped-def]
     """Fills `runs` with the horizontal runs [m] at which rays go below the ground; infinite if not before the limit.
 
@@ -218,7 +218,7 @@ def meet_ground(heights, origin, headings, slopes, limits, carried, runs):  # ty
             known = min(met, end)
 
 
-@kernel
+@lean_kernel
 def level_within(heights, x, y, reach):  # type: ignore[no-untyped-def]
     """The one height of the ground within `reach` of a place, NaN if it has several."""
     if heights.is_level:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
 from lavsim.kernel_draws import draw_base, unit_at
 from lavsim.random import Draws
 from lavsim.render.beams import GROUND_HIT, NO_HIT, Beams, cast_level, cast_tilted
@@ -214,7 +214,7 @@ def cast_sweep(
     return collect(model, tick, draws, room, rain)
 
 
-@kernel
+@lean_kernel
 def _send_beams(key, tick, drop, sent):  # type: ignore[no-untyped-def]
     """Which beams (columns, channels) survive the general drop-off; draw 2b belongs to beam b."""
     base = draw_base(key, tick)
@@ -224,7 +224,7 @@ def _send_beams(key, tick, drop, sent):  # type: ignore[no-untyped-def]
             sent[column, channel] = unit_at(base, 2 * (channel * columns + column)) >= drop
 
 
-@kernel
+@lean_kernel
 def _fade(depth):  # type: ignore[no-untyped-def]
     """exp(-depth) for depth >= 0, to 1e-10; the library's takes 16 ns a call, as long as all else done for a return."""
     depth = min(depth, 700.0)
@@ -238,13 +238,13 @@ def _fade(depth):  # type: ignore[no-untyped-def]
     return value
 
 
-@kernel
+@lean_kernel
 def _normal_at(base, index):  # type: ignore[no-untyped-def]
     """A Gaussian number from draws `index` and `index` + 1."""
     return np.sqrt(-2.0 * np.log1p(-unit_at(base, index))) * np.cos(2.0 * np.pi * unit_at(base, index + 1))
 
 
-@kernel
+@lean_kernel
 def _through_rain(base, index, distance, is_hit, rain):  # type: ignore[no-untyped-def]
     """Distance of what comes back through rain [m]: the same, nearer (a drop), or negative (lost)."""
     drop = -np.log1p(-unit_at(base, index)) / (_RAIN_SCATTER * rain)
@@ -301,7 +301,7 @@ def _returns(  # type: ignore[no-untyped-def]
             counts[i] += 1
 
 
-@kernel
+@lean_kernel
 def _close_up(points, solids, counts, closed_points, closed_solids):  # type: ignore[no-untyped-def]
     """Copies the rows in use of all channels, without the gaps between them."""
     columns, filled = len(solids) // len(counts), 0
