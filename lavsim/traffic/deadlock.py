@@ -16,11 +16,12 @@ from lavsim.traffic.fleet import NOBODY, RED_LIGHT, Fleet
 from lavsim.traffic.network import Lanes
 
 LOOK_EVERY = 20  # ticks between two looks at who stands
-_CIRCLE_PATIENCE = 160  # ticks at rest after which a circle is broken
+_CIRCLE_PATIENCE = 160  # ticks at rest, without a red light to blame, after which a circle is broken
 _PATIENCE = 600  # ticks after which whoever is first in a queue need not wait for others any longer
 _LAST_RESORT = 1800  # ticks
 _LAST_RESORT_BEHIND_GUEST = 3600  # ticks, behind the ego or what a hazard has set there
 _GRANT = 200  # ticks for which the right to go holds
+_STARTS = 0.2  # [m/s²] who accelerates that much is about to go
 _CHAIN = 32  # vehicles of a queue that are followed to its head
 _FREE, _LIGHT, _GUEST, _CIRCLE = 0, 1, 2, 3  # what holds a queue up: nobody, a light, no background driver, itself
 
@@ -38,20 +39,22 @@ def find_deadlocks(lanes: Lanes, fleet: Fleet, slots: NDArray[np.int32], tick: i
     Returns:
         The slot that has to be taken out as a last resort, -1.
     """
-    worst, worst_still = -1, 0
+    worst, longest = -1, 0
     for i in range(len(fleet.row)):
-        if fleet.row[i] < 0 or fleet.still[i] < _CIRCLE_PATIENCE:
+        if fleet.row[i] < 0 or fleet.still[i] < LOOK_EVERY:
+            fleet.stuck[i] = 0
             continue
         head, reason = _head_of_queue(fleet, slots, i)
-        if reason == _LIGHT:
+        fleet.stuck[i] = 0 if reason == _LIGHT else fleet.stuck[i] + LOOK_EVERY
+        if fleet.stuck[i] < _CIRCLE_PATIENCE:
             continue
         if lanes.junction[fleet.lane[head]] < 0 and fleet.granted[head] < tick:
             patience = _CIRCLE_PATIENCE if reason == _CIRCLE else _PATIENCE
-            if fleet.still[head] >= patience:
+            if fleet.stuck[head] >= patience:
                 fleet.granted[head] = tick + _GRANT
         limit = _LAST_RESORT_BEHIND_GUEST if reason == _GUEST else _LAST_RESORT
-        if fleet.still[i] >= limit and fleet.still[i] > worst_still:
-            worst, worst_still = i, fleet.still[i]
+        if fleet.stuck[i] >= limit and fleet.stuck[i] > longest:
+            worst, longest = i, fleet.stuck[i]
     return worst
 
 
@@ -64,7 +67,7 @@ def _head_of_queue(fleet: Fleet, slots: NDArray[np.int32], i: int) -> tuple[int,
         if row == RED_LIGHT:
             return at, _LIGHT
         if row == NOBODY:
-            return at, _FREE
+            return at, _LIGHT if fleet.brake[at] > _STARTS else _FREE
         slot = slots[row]
         if slot < 0:
             return at, _GUEST

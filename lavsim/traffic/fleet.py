@@ -40,6 +40,7 @@ class Fleet(NamedTuple):
         aside: (V,) lane that it is leaving, -1.
         changed: (V,) tick of the last lane change.
         still: (V,) ticks at rest.
+        stuck: (V,) ticks at rest without a red light to blame, as `deadlock` counts them.
         blame: (V,) row of the world for which it waits, `NOBODY` or `RED_LIGHT`.
         granted: (V,) tick up to which it need not wait for others at its next junction.
         gap: (V,) to its leader in the last tick [m].
@@ -60,6 +61,7 @@ class Fleet(NamedTuple):
     aside: NDArray[np.int32]
     changed: NDArray[np.int64]
     still: NDArray[np.int64]
+    stuck: NDArray[np.int64]
     blame: NDArray[np.int64]
     granted: NDArray[np.int64]
     gap: NDArray[np.float64]
@@ -83,6 +85,7 @@ def make_fleet(count: int) -> Fleet:
         aside=np.full(count, -1, np.int32),
         changed=np.full(count, -10_000, np.int64),
         still=np.zeros(count, np.int64),
+        stuck=np.zeros(count, np.int64),
         blame=np.full(count, NOBODY, np.int64),
         granted=np.full(count, -1, np.int64),
         gap=np.full(count, np.inf),

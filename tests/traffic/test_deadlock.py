@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lavsim.traffic.deadlock import find_deadlocks
+from lavsim.traffic.deadlock import LOOK_EVERY, find_deadlocks
 from lavsim.traffic.fleet import NOBODY, RED_LIGHT, make_fleet
 from lavsim.traffic.network import lanes_of
 from lavsim.types import Role
@@ -17,7 +17,7 @@ def verdict(still: list[int], blame: list[int]) -> tuple[int, list[int]]:
     fleet = make_fleet(len(still))
     fleet.row[:] = 1 + np.arange(len(still))
     fleet.lane[:] = EAST
-    fleet.still[:], fleet.blame[:] = still, blame
+    fleet.still[:], fleet.stuck[:], fleet.blame[:] = still, still, blame
     slots = np.append(-1, np.arange(len(still) + 1)).astype(np.int32)
     slots[-1] = -1  # the last row is nobody's
     out = find_deadlocks(lanes_of(worlds.straight(200.0)), fleet, slots, 0)
@@ -41,6 +41,17 @@ def test_a_queue_whose_head_moves_is_no_deadlock() -> None:
 def test_who_has_stood_longest_without_a_reason_is_taken_out() -> None:
     assert verdict([1900, 2000], [2, NOBODY])[0] == 1
     assert verdict([1700, 1700], [2, NOBODY])[0] == -1
+
+
+def test_time_at_a_red_light_does_not_count() -> None:
+    fleet = make_fleet(1)
+    fleet.row[:], fleet.lane[:] = 1, EAST
+    slots = np.array([-1, 0], np.int32)
+    lanes = lanes_of(worlds.straight(200.0))
+    for tick in range(0, 4000, LOOK_EVERY):
+        fleet.still[:] = tick
+        fleet.blame[:] = RED_LIGHT if tick % 1000 < 600 else NOBODY
+        assert find_deadlocks(lanes, fleet, slots, tick) == -1
 
 
 def test_waiting_for_the_ego_is_borne_for_longer() -> None:
