@@ -24,6 +24,7 @@ from lavsim.types import Control
 from lavsim.world.snapshot import Snapshot
 from lavsim.world.weather import Weather, WeatherKeyframe
 
+_BEFORE = 28.0  # [m] of the ego's place before the stop line
 _WARM_UP = 160  # ticks, until traffic moves and lights are on
 _GAP, _LABEL, _PANEL = 6, 20, 320  # [px]
 
@@ -45,8 +46,13 @@ def weather_sheets(town: TownMap, weathers: Mapping[str, Weather], folder: Path)
 
 
 def moment(town: TownMap, weather: Weather) -> list[Snapshot]:
-    """Two ticks of traffic under a weather, the newest last; the ego stands in its lane."""
+    """Two ticks of traffic under a weather, the newest last; the ego stands before a light where there is one."""
     drive = replace(bench_drive(town), weather=(WeatherKeyframe(0.0, weather),))
+    stops = [stop for light in town.lights for stop in light.stop_lines if stop.u > _BEFORE + 10.0]
+    if stops:
+        stop = max(stops, key=lambda stop: (round(stop.u), -stop.lane))
+        lane = np.array([stop.lane, stop.lane])
+        drive = replace(drive, keypoints=town.centre(lane, np.array([stop.u - _BEFORE, stop.u]))[:, :3])
     simulation = Simulation(drive)
     for _ in range(_WARM_UP):
         simulation.tick(Control(brake=1.0))
@@ -64,7 +70,7 @@ def draw_weather(scene: Scene, history: Sequence[Snapshot], title: str) -> NDArr
     for look in LOOKS:
         left = _GAP
         for name, view in CAMERAS:
-            write_text(sheet, f"{title}: {name}, {look}" if left == _GAP else name, (left, top + 14))
+            write_text(sheet, f"{title}, {look}" if left == _GAP else name, (left, top + 14))
             image = view.colour(snapshot, scene, draws.stream(name), look)
             sheet[top + _LABEL : top + _LABEL + view.height, left : left + view.width] = image[..., :3]
             left += view.width + _GAP

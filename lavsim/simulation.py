@@ -35,7 +35,7 @@ EGO_BLUEPRINTS = {"1.0": "vehicle.lincoln.mkz_2017", "2.x": "vehicle.lincoln.mkz
 _EGO_COLOUR = (40, 80, 160)
 _TRIGGER_WINDOW = 5  # route points ahead that may become the nearest one
 _FLAT = 0.1  # [m] towns whose lanes differ by less in z are one plane
-_HISTORY = 8  # snapshots kept for sensors that look back
+_HISTORY = 101  # snapshots kept for sensors that look back
 
 
 @dataclass(frozen=True)

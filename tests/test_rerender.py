@@ -14,7 +14,14 @@ from lavsim.sensors.suites import SUITES
 from lavsim.simulation import Simulation
 from tests.drives import follow, hazard, straight_drive
 
-SUITE = (*SUITES["lav"], {"type": "sensor.lavsim.truth", "id": "truth"})
+EYE = {"x": 1.5, "z": 2.4, "width": 64, "height": 48, "fov": 80}
+SUITE = (
+    *SUITES["lav"],
+    {"type": "sensor.lavsim.truth", "id": "truth"},
+    {"type": "sensor.camera.rgb", "id": "full", **EYE, "attributes": {"look": "full"}},
+    {"type": "sensor.camera.instance_segmentation", "id": "instance", **EYE, "attributes": {"tags": "new"}},
+    {"type": "sensor.lavsim.bev", "id": "bev", "attributes": {"past": 2, "layers": "road,vehicle,walker,red,limit"}},
+)
 
 
 class Result:

@@ -65,6 +65,7 @@ _TERRAIN, _MEDIAN, _SIDEWALK = int(Surface.TERRAIN), int(Surface.MEDIAN), int(Su
 _FIRST_PAINT, _LAST_PAINT = int(Surface.CROSSWALK), int(Surface.YELLOW_BROKEN)
 _LAMP_LIGHT = 4.2  # brightening of what lies below a street lamp, at night
 _SLAB = 1.5  # [m] of sidewalks
+_SEAM_RANGE = 25.0  # [m] of seams in the asphalt
 _COURSE = 0.45  # [m] between the joints of a wall
 _DROPS = 1.0 / 700.0  # streaks of rain a pixel in the heaviest rain
 
@@ -147,13 +148,15 @@ def _colour_block(  # type: ignore[no-untyped-def]
     mirror, mirrors = around.mirror, around.mirrors
     eye, wet, puddles = np.float32(origin[2]), np.float32(look.wet), np.float32(look.puddles)
     eye_x, eye_y = np.float32(origin[0]), np.float32(origin[1])
+    cloud = none
     ripple, lamp = np.float32(look.rain), np.float32(_LAMP_LIGHT) * night
     for i in range(len(face)):
         f = face[i]
         if f < 0 and inverse[i] <= none:
             level = int(min(max(rise[i], none), one) * np.float32(SKY_STEPS - 1))
             ray_x, ray_y = (x[i] - eye_x) / depth[i], (y[i] - eye_y) / depth[i]
-            cloud = _cloud(ray_x, ray_y, rise[i], look.clouds)
+            if i & 1 == 0:  # clouds are wider than two pixels
+                cloud = _cloud(ray_x, ray_y, rise[i], look.clouds)
             sun = _sun(ray_x, ray_y, rise[i], look.sun, look.sunlight)
             for c in range(3):
                 tint = sky[level, c]
@@ -277,8 +280,10 @@ def _ground(surface, x, y, depth):  # type: ignore[no-untyped-def]
         slab = cell_noise(int(np.floor(u)), int(np.floor(v)))
         return one + np.float32(0.04) * speck + np.float32(0.05) * slab * wide - joint
     worn = np.float32(0.10) if _FIRST_PAINT <= surface <= _LAST_PAINT else np.float32(0.07)
-    crack = smooth_noise(x * np.float32(0.31) + np.float32(40.0), y * np.float32(0.31))
-    seam = np.float32(0.16) * fine if abs(crack) < np.float32(0.012) else np.float32(0.0)
+    seam = np.float32(0.0)
+    if depth < np.float32(_SEAM_RANGE):
+        crack = smooth_noise(x * np.float32(0.31) + np.float32(40.0), y * np.float32(0.31))
+        seam = np.float32(0.10) * fine if abs(crack) < np.float32(0.009) else seam
     return one + worn * speck + np.float32(0.07) * patch - seam
 
 
@@ -298,9 +303,10 @@ def _wall(at, along, high, depth, seed, is_window):  # type: ignore[no-untyped-d
     one, fine = np.float32(1.0), min(np.float32(1.0), np.float32(18.0) / depth)
     if is_window:
         return one
-    stain = smooth_noise(along * np.float32(0.5) + np.float32(seed), high * np.float32(0.35))
+    stain = smooth_noise(along * np.float32(0.5) + np.float32(seed & 1023), high * np.float32(0.35))
     course = high / np.float32(_COURSE)
-    joint = np.float32(0.07) * fine if abs(course - np.round(course)) < np.float32(0.06) else np.float32(0.0)
+    near = min(one, np.float32(7.0) / depth)  # joints of less than a pixel would make a moiré
+    joint = np.float32(0.08) * near * near if abs(course - np.round(course)) < np.float32(0.06) else np.float32(0.0)
     speck = cell_noise(int(np.floor(along * np.float32(9.0))) + seed, int(np.floor(high * np.float32(9.0)))) * fine
     foot = np.float32(0.15) if high < np.float32(0.5) else np.float32(0.0)
     return one + np.float32(0.07) * stain + np.float32(0.035) * speck - joint - foot

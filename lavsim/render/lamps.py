@@ -41,9 +41,9 @@ NO_LIGHT = LightMap(np.zeros((1, 1), np.float32), 0.0, 0.0)
 
 
 def street_lamps(statics: Solids) -> NDArray[np.float64]:
-    """(N, 3) tops of the poles that are street lamps."""
+    """(N, 3) tops of the poles that are street lamps, not masts of traffic lights."""
     tall = statics.z1 - statics.z0
-    found = (statics.tag == Tag.POLE) & (tall > _POST[0]) & (tall < _POST[1]) & (statics.radius < 0.2)
+    found = (statics.tag == Tag.POLE) & (tall > _POST[0]) & (tall < _POST[1]) & (statics.light < 0)
     return np.column_stack([statics.centre[found], statics.z1[found]])
 
 

@@ -36,6 +36,7 @@ _SAME_LEVEL = 2.5  # [m] actors higher or lower lie on another road
 _FRACTION = 4  # bits of sub-pixel positions
 _LARGEST = 4096  # [px]
 _MOST_PAST = 40
+_LONGEST = 100  # [ticks] that a drive keeps
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,8 @@ class BevConfig(SensorConfig):
             return f"'past' must be 0 to {_MOST_PAST}, got {self.past}"
         if self.every < 1:
             return f"'every' must be at least 1 tick, got {self.every}"
+        if self.past * self.every > _LONGEST:
+            return f"'past' x 'every' must be at most {_LONGEST} ticks, got {self.past * self.every}"
         for name in self.names:
             if name not in LAYERS:
                 return str(UnknownName("layer", name, LAYERS)).rstrip(".")
