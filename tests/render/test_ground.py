@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -16,10 +16,12 @@ PAINT = [Surface.CROSSWALK, Surface.STOP_LINE, Surface.WHITE_BROKEN, Surface.WHI
 DRIVEN = [Surface.ROAD, Surface.CROSSWALK_GAP, *PAINT]
 
 
-@pytest.fixture
-def ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> GroundRaster:
-    monkeypatch.setenv("LAVSIM_CACHE", str(tmp_path))
-    return ground_raster(load_town(TOWN))
+@pytest.fixture(scope="module")
+def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[GroundRaster]:
+    """Drawn anew, in a cache folder of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LAVSIM_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield ground_raster(load_town(TOWN))
 
 
 def test_lane_centres_lie_on_their_surface(ground: GroundRaster) -> None:
