@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-VERSION = 3  # of heights, decks and kerbs; raise it whenever others come out
+VERSION = 4  # of heights, decks and kerbs; raise it whenever others come out
 LEVEL = 0.005  # [m] a town whose lanes differ by less is level
 DECK_REACH = 15.0  # [m] of road before and after what it passes over that is deck too
 DECK_STEP = 4.0  # [m] length of a slab at most
@@ -156,7 +156,7 @@ def terrain_of(town: TownMap) -> Terrain:
     below = ground_raster(town, Level("ground", bounds, ~decks.covers(PAINTED), on_ground))
     if decks.slabs is None:
         return Terrain(below, heights, None, _NO_DECK_RASTER, _kerbs(town))
-    above = Level(f"decks{VERSION}", decks.bounds, decks.covers(), decks.carry)
+    above = Level(f"decks{VERSION}", decks.bounds, decks.covers(-CELL), decks.carry)  # no gap at its ends
     return Terrain(below, heights, decks.slabs, ground_raster(town, above), _kerbs(town))
 
 
