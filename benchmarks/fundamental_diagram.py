@@ -1,6 +1,6 @@
 """Flow, density and speed of a ring road beside what the following model says, as figures and as a picture.
 
-`python benchmarks/fundamental_diagram.py [PICTURE]`: rings of 1 km with one lane at 50 and at 90 km/h, from 5 vehicles
+`python benchmarks/fundamental_diagram.py [PICTURE]`: rings of 1 km with one lane at 30, 50 and 90 km/h, from 5 vehicles
 to a jam. Drivers are those of background traffic, all in the same car: a bicycle would lead everybody at its own speed.
 """
 
@@ -27,8 +27,8 @@ from lavsim.world.blueprints import find_blueprint
 from tests.traffic.roads import Drive, circle, evenly
 
 LIMITS = (30, 50, 90)  # [km/h]
-COUNTS = (5, 15, 25, 35, 42, 50, 60, 75, 95, 120)
-WARM_UP, WATCHED = 3000, 2000  # ticks
+COUNTS = (5, 15, 30, 40, 50, 60, 70, 85, 110)
+WARM_UP, WATCHED = 2400, 1200  # ticks
 LENGTH = 1000.0  # [m]
 CAR = "vehicle.seat.leon"
 

@@ -24,7 +24,6 @@ from lavsim.map.opendrive import (
 from lavsim.map.town_map import TownMap, build_town
 from lavsim.map.write import write_network
 from lavsim.random import Draws
-from lavsim.traffic import population
 from lavsim.traffic.population import Traffic
 from lavsim.types import DT, Control, Role
 from lavsim.world.blueprints import find_blueprint
@@ -86,10 +85,11 @@ class Drive:
         self.world = World()
         ego = find_blueprint("vehicle.lincoln.mkz_2017")
         self.world.spawn(1, ego, np.array([-5e3, -5e3, 0.0]), 0.0, Role.EGO)
-        with mock.patch.object(population, "spawn_points", return_value=places), ExitStack() as patches:
+        draws = Draws.of_seed(seed)
+        with ExitStack() as patches:
             if blueprint:
                 patches.enter_context(mock.patch.object(Traffic, "_blueprint", return_value=find_blueprint(blueprint)))
-            self.traffic = Traffic(town, self.world, Draws.of_seed(seed), len(places))
+            self.traffic = Traffic(town, self.world, draws, len(places), places=places)
         self.lights = TrafficLights(len(town.lights), town.light_groups, cycle)
 
     def tick(self) -> Snapshot:
