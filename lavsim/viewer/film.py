@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,19 +35,27 @@ _COLOURS: Mapping[str, Bgr] = {"plan": (67, 128, 11), "forecast": (206, 48, 132)
 _OTHER: Bgr = (91, 24, 194)  # of drawings with another name
 
 
+class Snapshots(Protocol):
+    """Ticks by number: a list, or a log reader."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Snapshot: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Footage:
     """A recorded drive and what is needed to picture it.
 
     Attributes:
-        snapshots: All ticks; a log reader will do.
+        snapshots: All ticks.
         town: Where.
         draws: Root of the drive's draws.
         route: (R, 3) points of the route [m].
         inner: What the agent published.
     """
 
-    snapshots: Sequence[Snapshot]
+    snapshots: Snapshots
     town: TownMap
     draws: Draws
     route: NDArray[np.float64]
@@ -100,13 +108,18 @@ def write_film(footage: Footage, path: Path, cut: Cut, progress: Callable[[float
                 progress((number + 1) / len(indices))
 
 
-def write_strip(footage: Footage, path: Path, time: float, count: int = 6, spacing: float = 0.5) -> None:
-    """Writes a film strip as PNG: `count` pictures `spacing` seconds apart, the moment `time` at two thirds of them."""
+def write_strip(footage: Footage, path: Path, time: float) -> None:
+    """Writes a film strip as PNG; see `draw_strip`."""
+    write_png(draw_strip(footage, time), path)
+
+
+def draw_strip(footage: Footage, time: float, count: int = 6, spacing: float = 0.5) -> NDArray[np.uint8]:
+    """A film strip: `count` pictures `spacing` seconds apart, the moment `time` at two thirds of them."""
     before = (2 * count) // 3
     cut = Cut(size=(320, 320), metres=50.0)
     camera = _Camera(footage, cut)
     indices = [footage.index_at(time + (k - before) * spacing) for k in range(count)]
-    write_png(_side_by_side([camera.picture(index) for index in indices]), path)
+    return _side_by_side([camera.picture(index) for index in indices])
 
 
 class _Camera:
@@ -131,10 +144,10 @@ class _Camera:
         snapshots = self._footage.snapshots
         recent = [snapshots[k] for k in range(max(0, index - max(self._suite.history, 1)), index + 1)]
         readings: Mapping[str, Any] = self._suite.read(recent[-1 - self._suite.history :])
-        cameras = joined_cameras([data for _, data in readings.values()], above.shape[1])
         sweep = draw_sweep(self._scene, recent[-2:], (above.shape[0], above.shape[0])).image
-        right = np.concatenate([sweep, np.zeros((cameras.shape[0], sweep.shape[1], 3), np.uint8)])
-        return np.concatenate([np.concatenate([above, cameras]), right], axis=1)
+        both = np.concatenate([above, sweep], axis=1)
+        cameras = joined_cameras([data for _, data in readings.values()], both.shape[1], len(readings))
+        return np.concatenate([both, cameras])
 
 
 def draw_inner(canvas: Canvas, drawings: Mapping[str, Drawing], snapshot: Snapshot) -> None:

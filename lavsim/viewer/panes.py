@@ -108,10 +108,10 @@ def _webp(picture: NDArray[np.uint8]) -> bytes:
     return cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1].tobytes()
 
 
-def joined_cameras(pictures: Sequence[NDArray[np.uint8]], width: int) -> NDArray[np.uint8]:
-    """Pictures (H, W, 3 or 4) in one row, or the last in a second row where there are more than three."""
-    rows = [pictures[:3], pictures[3:]] if len(pictures) > 3 else [pictures]
-    return np.concatenate([_row([p[..., :3] for p in row], width) for row in rows if len(row)])
+def joined_cameras(pictures: Sequence[NDArray[np.uint8]], width: int, most: int = 3) -> NDArray[np.uint8]:
+    """Pictures (H, W, 3 or 4) in rows of at most `most`, each row `width` [px] wide."""
+    rows = [pictures[k : k + most] for k in range(0, len(pictures), most)]
+    return np.concatenate([_row([p[..., :3] for p in row], width) for row in rows])
 
 
 def _row(pictures: Sequence[NDArray[np.uint8]], width: int) -> NDArray[np.uint8]:

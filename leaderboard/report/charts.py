@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.types import DT
+from lavsim.viewer.inner import InnerView
 from leaderboard.report.markup import Markup, el
 from leaderboard.report.series import FARTHEST, Series
 
 Floats = NDArray[np.float64]
 
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 420.0, 86.0, 36.0, 16.0, 16.0
+MOST_SCALARS = 4  # numbers of the agent that get a chart
 BINS = 260  # each drawn by its smallest and its largest value, so that no peak is lost
 
 
@@ -37,6 +39,23 @@ def charts(series: Series, infractions: Sequence[dict[str, Any]]) -> list[Markup
         _Kind("score", series.score, 0.0, 100.0),
     )
     return [_chart(kind, series.times, infractions) for kind in kinds]
+
+
+def scalar_charts(inner: InnerView, infractions: Sequence[dict[str, Any]]) -> list[Markup]:
+    """One chart for each of the first numbers that the agent published."""
+    found: dict[str, list[tuple[float, float]]] = {}
+    units: dict[str, str] = {}
+    for tick, drawings in inner.frames:
+        for name, drawing in drawings.items():
+            if drawing["kind"] == "scalar":
+                found.setdefault(name, []).append((tick * DT, float(drawing["value"])))
+                units[name] = f" [{drawing['unit']}]" if drawing["unit"] else ""
+    made = []
+    for name, points in list(found.items())[:MOST_SCALARS]:
+        times, values = np.array(points, np.float64).T
+        low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+        made.append(_chart(_Kind(f"agent: {name}{units[name]}", values, low, max(high, low + 1.0)), times, infractions))
+    return made
 
 
 def _around(values: Floats, least: float) -> tuple[float, float]:

@@ -7,16 +7,20 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from lavsim.errors import LavsimError
 from lavsim.log.drawings import SUFFIX
+from lavsim.log.replay import draws_of
 from lavsim.types import DT
+from lavsim.viewer.film import Footage, draw_strip
 from lavsim.viewer.inner import InnerView
 from lavsim.viewer.replay import write_replay
 from lavsim.viewer.tracks import Tracks, read_tracks
 from leaderboard.recorded import RecordedDrive
 from leaderboard.replay import story_of
-from leaderboard.report.charts import charts
+from leaderboard.report.charts import charts, scalar_charts
 from leaderboard.report.drawing import map_drawing
 from leaderboard.report.hazards import Tallies, count_hazards
 from leaderboard.report.markup import Markup, el, join
@@ -49,12 +53,14 @@ class DriveReport:
         self.replay: str | None = None
         self._recorded: RecordedDrive | None = None
         self._tracks: Tracks | None = None
+        self._inner: InnerView | None = None
         if not self.drive.get("log"):
             self.problem = "No recorded drive."
             return
         try:
             self._recorded = RecordedDrive.open(run.folder / self.drive["log"], _town_path(run))
             self._tracks = read_tracks(self._recorded.log)
+            self._inner = InnerView.read(self._recorded.log.path.with_suffix(SUFFIX))
             if with_replay:
                 self._write_replay(self._recorded, self._tracks)
         except LavsimError as error:
@@ -69,9 +75,8 @@ class DriveReport:
 
     def _write_replay(self, recorded: RecordedDrive, tracks: Tracks) -> None:
         path = self.run.folder / REPLAYS / self._replay_name
-        inner = InnerView.read(recorded.log.path.with_suffix(SUFFIX))
         story = story_of(recorded.log, self.drive, self.record, self.run)
-        write_replay(path, tracks, recorded.log.header, recorded.town, recorded.route, story, inner)
+        write_replay(path, tracks, recorded.log.header, recorded.town, recorded.route, story, self._inner)
 
     def count(self, tallies: Tallies) -> None:
         """Adds its hazards to `tallies`."""
@@ -117,7 +122,8 @@ class DriveReport:
 
     def _pictures(self) -> Markup:
         drawn, lines = self._from_log()
-        return join(el("div", el("div", drawn, self._events()), el("div", lines), class_="pair"), self._sheet())
+        pair = el("div", el("div", drawn, self._events()), el("div", lines), class_="pair")
+        return join(pair, self._strip(), self._sheet())
 
     def _events(self) -> Markup:
         if not self.infractions:
@@ -148,18 +154,33 @@ class DriveReport:
         rules = get_rules(self.run.run.get("rules", "1.0"))
         final = float(self.record["scores"]["score_composed"])
         series = series_of(tracks, recorded.route, self.infractions, rules, final)
-        return el("figure", drawing, caption), charts(series, marked)
+        lines = charts(series, marked) + (scalar_charts(self._inner, marked) if self._inner is not None else [])
+        return el("figure", drawing, caption), lines
 
     def _sheet(self) -> Markup | None:
         path = self.run.folder / str(self.drive.get("picture"))
         image = cv2.imread(str(path)) if self.drive.get("picture") and path.is_file() else None
         if image is None:
             return None
-        _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-        source = "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
-        height, width = image.shape[:2]
-        alt = "Contact sheet: bird's-eye view, cameras and LiDAR"
-        return el("figure", el("img", src=source, alt=alt, width=width, height=height, loading="lazy"), class_="sheet")
+        return _embedded(image, "Contact sheet: bird's-eye view, cameras and LiDAR")
+
+    def _strip(self) -> Markup | None:
+        """What the agent showed around the first infraction, or where it braked hardest."""
+        recorded, tracks = self._recorded, self._tracks
+        if self._inner is None or not self._inner.frames or self.problem or recorded is None or not tracks:
+            return None
+        hardest = int(tracks.ticks[int(np.argmin(tracks.motion[:, 0]))])
+        tick = next((int(entry["tick"]) for entry in self.infractions), hardest)
+        footage = Footage(recorded.log, recorded.town, draws_of(recorded.log), recorded.route.points, self._inner)
+        caption = el("figcaption", f"What the agent showed around {duration(tick * DT)}.")
+        return el("div", _embedded(draw_strip(footage, tick * DT), "Film strip with the agent's drawings"), caption)
+
+
+def _embedded(image: NDArray[np.uint8], alt: str) -> Markup:
+    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    source = "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
+    height, width = image.shape[:2]
+    return el("figure", el("img", src=source, alt=alt, width=width, height=height, loading="lazy"), class_="sheet")
 
 
 def pill(status: str) -> Markup:

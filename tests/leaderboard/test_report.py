@@ -10,7 +10,10 @@ from xml.etree import ElementTree
 import pytest
 from rich.console import Console
 
+from lavsim.drawings import polylines, scalar
 from lavsim.errors import OutputError
+from lavsim.log.drawings import SUFFIX, DrawingsWriter
+from lavsim.log.reader import LogReader
 from leaderboard.report.markup import Markup, el, join
 from leaderboard.report.page import page, write_report
 from leaderboard.run import Run, claim_folder
@@ -129,6 +132,21 @@ def test_report_says_when_a_recording_is_cut_short(tmp_path: Path) -> None:
     text = page(made)
     assert text.count("The recording is cut short.") == 1
     assert text.count("<svg") == 18
+
+
+def test_what_the_agent_showed_is_in_the_report(tmp_path: Path) -> None:
+    made = make_run(tmp_path / "a")
+    log = made.folder / made.run["drives"][1]["log"]
+    shown = {"speed <b>": scalar(3.0, "m/s"), "plan": polylines([[(0.0, 0.0), (9.0, 0.0)]], frame="ego")}
+    writer = DrawingsWriter(log.with_suffix(SUFFIX), lambda: shown)
+    writer.start(None)  # type: ignore[arg-type]
+    for snapshot in LogReader(log):
+        writer.observe(snapshot)
+    writer.finish(None)  # type: ignore[arg-type]
+    text = page(made)
+    assert text.count("<svg") == 19
+    assert "agent: speed &lt;b&gt; [m/s]" in text
+    assert text.count("What the agent showed around 6.0 s.") == 1
 
 
 def test_drive_that_never_began_is_reported(tmp_path: Path) -> None:

@@ -91,6 +91,15 @@ def test_drive_is_filmed_with_its_speed_and_length(tmp_path: Path) -> None:
     assert animation.frames[0].shape[:2] == (120, 160)
 
 
+def test_film_with_panes_has_cameras_and_lidar_below(tmp_path: Path) -> None:
+    write_film(footage(), tmp_path / "a.gif", Cut(1.0, 1.1, size=(320, 240), panes=True))
+    done, animation = cv2.imreadanimation(str(tmp_path / "a.gif"))
+    assert done
+    assert animation.frames[0].shape[1] == 320 + 240
+    assert animation.frames[0].shape[0] == 240 + 130  # four cameras in a row
+    assert animation.frames[0][245:, :, :3].mean() > 40.0
+
+
 def test_strip_shows_moments_in_a_row(tmp_path: Path) -> None:
     write_strip(footage(), tmp_path / "a.png", 5.0)
     image = cv2.imread(str(tmp_path / "a.png"))
