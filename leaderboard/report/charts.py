@@ -75,7 +75,7 @@ def _chart(kind: _Kind, times: Floats, infractions: Sequence[dict[str, Any]]) ->
     for value in (kind.low, (kind.low + kind.high) / 2.0, kind.high):
         y = place(begin, value)[1]
         parts.append(el("line", x1=LEFT, x2=WIDTH - 4, y1=y, y2=y, stroke="var(--edge)"))
-        text = f"{value:.0f}" if kind.high > 2.0 else f"{value:g}"
+        text = f"{value:.0f}" if kind.high - kind.low > 20.0 or value == round(value) else f"{value:.1f}"
         parts.append(el("text", text, x=LEFT - 5, y=y + 4, fill="var(--soft)", font_size=10, text_anchor="end"))
     for number, entry in enumerate(infractions, 1):
         x = place(min(max(int(entry["tick"]) * DT, begin), end), kind.low)[0]
