@@ -162,7 +162,7 @@ def _mirrored(snapshot: Snapshot, scene: Scene, look: Look, lens: Pinhole, pose:
 
 def depth_of(view: Visibility) -> NDArray[np.float32]:
     """Depths [m] of one pass."""
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         return np.minimum(np.float32(1.0) / view.inverse_depth, np.float32(SKY_DEPTH))
 
 

@@ -128,8 +128,8 @@ def test_marks_are_two_pixels_wide_and_broken_ones_drawn_through() -> None:
 def test_pedestrians_show_as_hazards_only_on_the_road_near_and_ahead(ahead: float, right: float, shows: bool) -> None:
     layers = read(snapshot_of([ego(), walker(ahead, right)]), layers="pedestrian,walker")
     assert bool(layers[0].any()) == shows
-    if shows:  # a disc of radius 0.2 m + 1 m
-        assert (layers[0] > 0).sum() == pytest.approx(np.pi * (1.2 * 4.0 + 0.5) ** 2, rel=0.2)  # OpenCV fills the rim too
+    if shows:  # a disc of radius 0.2 m + 1 m; OpenCV fills the rim too
+        assert (layers[0] > 0).sum() == pytest.approx(np.pi * (1.2 * 4.0 + 0.5) ** 2, rel=0.2)
         assert middle(layers[0]) == pytest.approx((160.0 + 4.0 * right, 280.0 - 4.0 * ahead), abs=0.7)
         assert 0 < (layers[1] > 0).sum() < 12
 
