@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.map.town_map import LaneHits, TownMap
+from lavsim.traffic.audit_columns import Columns
 from lavsim.traffic.audit_geometry import boxes_about_to_meet, build_stop_lines
 from lavsim.traffic.audit_report import Incident, TrafficReport
 from lavsim.types import DT, ActorClass, LightState, Role
@@ -33,36 +34,6 @@ JUMP = 6.0  # [m] beyond its speed that a vehicle was set somewhere else
 NEAR_MISS_TIME = 0.5  # [s] to a contact if both go on as they do; who stops in a queue stays above that
 NEAR_MISS_SPEED = 2.0  # [m/s] between them; slower is squeezing past in a queue
 MOST_INCIDENTS = 5_000
-
-
-class _Columns:
-    """What is remembered of each row of the actor table; grows with it."""
-
-    def __init__(self) -> None:
-        self.seen = np.full(0, -1, np.int64)  # tick of the last look at it
-        self.yaw = np.zeros(0)
-        self.xy = np.zeros((0, 2))
-        self.speed = np.zeros(0)
-        self.slowest = np.zeros(0)  # lowest speed since the last look [m/s]
-        self.acceleration = np.full(0, np.nan)
-        self.lane = np.full(0, -1, np.int32)
-        self.line = np.full(0, -1, np.int64)  # stop line ahead
-        self.before = np.zeros(0)  # distance from the front to it [m]
-        self.has_queued = np.zeros(0, np.bool_)  # stood or nearly so since its last line
-        self.has_halted = np.zeros(0, np.bool_)
-        self.is_off = np.zeros(0, np.bool_)
-        self.still = np.zeros(0)  # [s] standing
-        self.still_free = np.zeros(0)  # [s] the same without a red light ahead
-
-    def grow(self, count: int) -> None:
-        """Makes room for `count` rows; new ones hold what the empty columns were made with."""
-        have = len(self.seen)
-        if count <= have:
-            return
-        blank = {"seen": -1, "lane": -1, "line": -1, "acceleration": np.nan, "slowest": np.inf}
-        for name, column in vars(self).items():
-            more = np.full((count - have, *column.shape[1:]), blank.get(name, 0), column.dtype)
-            setattr(self, name, np.concatenate([column, more]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +74,7 @@ class TrafficAudit:
         self._every = every
         self._dt = every * DT
         self._lines = build_stop_lines(town, QUEUE_RANGE)
-        self._columns = _Columns()
+        self._columns = Columns()
         self._lights: NDArray[np.uint8] | None = None
         self._green_since = np.zeros(len(town.lights), np.int64)  # tick of the look that first saw it green
         self._last_crossing: dict[int, int] = {}  # tick by stop line
