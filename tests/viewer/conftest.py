@@ -33,11 +33,15 @@ class Window:
         if self.page.query_selector("#data, #map"):
             self.settle()
 
-    def settle(self, limit: float = 20.0) -> None:
+    def settle(self) -> None:
         """Waits until everything is drawn."""
+        self.until("!!window.replay && replay.state().isSettled")
+
+    def until(self, script: str, limit: float = 30.0) -> None:
+        """Waits until a script's value is true."""
         end = time.monotonic() + limit
-        while not self.page.evaluate("!!window.replay && replay.state().isSettled"):
-            assert time.monotonic() < end, f"the replay never came to rest: {self.said}"
+        while not self.page.evaluate(script):
+            assert time.monotonic() < end, f"never came true: {script}; the page said {self.said}"
             time.sleep(0.02)
 
     def ask(self, script: str) -> Any:

@@ -122,7 +122,7 @@ def test_replay_shows_what_the_sensors_saw(window: Window, tmp_path: Path) -> No
     page = replay_page(tracks, {}, drives.town(), drives.route(), Story("a"), panes=panes)
     (tmp_path / "a.html").write_text(page)
     window.open(tmp_path / "a.html", "#t=1")
-    window.page.wait_for_timeout(300)
+    window.until("document.querySelector('#pane-film canvas').width === 560")
     picture = window.ask("(c => [c.width, c.height, c.getContext('2d').getImageData(280, 20, 1, 1).data[2]])"
                          "(document.querySelector('#pane-film canvas'))")  # fmt: skip
     assert picture[:2] == [560, 546]
