@@ -30,6 +30,7 @@ LONGEST_STOP = 180.0  # [s] of standing at all; then the leaderboard calls an ag
 HARSH = -4.0  # [m/s²] braking that passengers complain about
 EMERGENCY = -6.5  # [m/s²] what a dry road hardly gives
 SAME_CONTACT = 2.0  # [s] a pair that touches again within that is the same event
+POSE_UNIT = 1e-3  # [m] to which a Snapshot tells positions
 JUMP = 6.0  # [m] beyond its speed that a vehicle was set somewhere else
 NEAR_MISS_TIME = 0.5  # [s] to a contact if both go on as they do; who stops in a queue stays above that
 NEAR_MISS_SPEED = 2.0  # [m/s] between them; slower is squeezing past in a queue
@@ -208,7 +209,7 @@ class TrafficAudit:
     def _watch_lanes(self, snapshot: Snapshot, look: _Look, known: NDArray[np.bool_]) -> None:
         lanes, hits, c = self.town.lanes, look.centre, self._columns
         beyond = hits.distance - hits.width / 2.0
-        off = beyond > 0.0
+        off = beyond > POSE_UNIT  # the line between two lanes belongs to both
         self._sums["off"] += float(off.sum())
         self._worst["off"] = max(self._worst["off"], float(beyond.max(initial=0.0)))
         for k in np.flatnonzero(off & ~c.is_off[look.rows]).tolist():

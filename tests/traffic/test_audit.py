@@ -181,7 +181,7 @@ def test_contacts_of_the_ego_with_scenery_are_none_of_traffic() -> None:
     assert counts(audit.report()) == {}
 
 
-@pytest.mark.parametrize(("y", "expected"), [(1.75, 0), (3.4, 0), (4.0, 1)])
+@pytest.mark.parametrize(("y", "expected"), [(1.75, 0), (3.4, 0), (3.5, 0), (4.0, 1)])
 def test_a_centre_beyond_the_lane_is_off_it(y: float, expected: int) -> None:
     report = watched(worlds.straight(), eastward(20.0, 60.0, y=y)).report()
     assert report.off_lane == expected
