@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import lean_kernel as kernel
 from lavsim.map.town_map import TownMap
-from lavsim.traffic.network import Lanes, project
+from lavsim.traffic.network import Lanes, settle, settle_beside
 from lavsim.traffic.obstacles import Boxes
 
 _BESIDE = 2.4  # [m] off its lane's centre: then another lane fits better, or none
@@ -86,7 +86,7 @@ def _track(lanes: Lanes, guests: Guests, boxes: Boxes, g: int) -> None:
     row = guests.row[g]
     x, y = boxes.pose[row, 0], boxes.pose[row, 1]
     lane = guests.lane[g]
-    u, offset, yaw = _settle(lanes, lane, guests.u[g], x, y)
+    u, offset, yaw = settle(lanes, lane, guests.u[g], x, y)
     best, best_lane, best_u, best_offset = np.inf, -1, u, offset
     if u > lanes.length[lane] or lanes.junction[lane] >= 0:
         start = lane
@@ -95,7 +95,7 @@ def _track(lanes: Lanes, guests: Guests, boxes: Boxes, g: int) -> None:
         past = u - lanes.length[lane] if start == lane else u
         for s in range(lanes.succ_first[start], lanes.succ_first[start + 1]):
             other = lanes.succ[s]
-            at, aside, heading = _settle(lanes, other, past, x, y)
+            at, aside, heading = settle(lanes, other, past, x, y)
             misfit = _misfit(boxes, row, aside, heading)
             if misfit < best and at <= lanes.length[other] + 1.0:
                 best, best_lane, best_u, best_offset = misfit, other, at, aside
@@ -104,21 +104,13 @@ def _track(lanes: Lanes, guests: Guests, boxes: Boxes, g: int) -> None:
         if abs(offset) > 1.2:
             other = lanes.right[lane] if offset > 0.0 else lanes.left[lane]
             if other >= 0:
-                at, aside, heading = _settle(lanes, other, u * lanes.length[other] / lanes.length[lane], x, y)
+                at, aside, heading = settle_beside(lanes, lane, u, other, x, y)
                 if _misfit(boxes, row, aside, heading) < best:
                     best, best_lane, best_u, best_offset = 0.0, other, at, aside
     if best_lane < 0 or abs(best_offset) > _BESIDE or math.isinf(best):
         guests.lane[g] = -1
         return
     guests.lane[g], guests.u[g], guests.offset[g] = best_lane, max(best_u, 0.0), best_offset
-
-
-@kernel
-def _settle(lanes: Lanes, lane: int, u: float, x: float, y: float) -> tuple[float, float, float]:
-    offset, yaw = 0.0, 0.0
-    for _ in range(2):
-        u, offset, yaw = project(lanes, lane, u, x, y)
-    return u, offset, yaw
 
 
 @kernel
@@ -133,7 +125,7 @@ def _misfit(boxes: Boxes, row: int, offset: float, heading: float) -> float:
 def may_follow(lanes: Lanes, guests: Guests, boxes: Boxes, g: int, lane: int) -> tuple[float, bool]:
     """Travelled length of guest `g` on junction lane `lane`, and whether it may be following it."""
     row = guests.row[g]
-    u, offset, _yaw = _settle(lanes, lane, guests.u[g], boxes.pose[row, 0], boxes.pose[row, 1])
+    u, offset, _yaw = settle(lanes, lane, guests.u[g], boxes.pose[row, 0], boxes.pose[row, 1])
     return u, abs(offset) < _FORK and u <= lanes.length[lane]
 
 

@@ -14,7 +14,7 @@ from lavsim.traffic.fleet import FROM, HOLD, LEAD_IN, PATH_LANES, Fleet, reset_p
 from lavsim.traffic.following import idm_acceleration
 from lavsim.traffic.junctions import is_near_junction
 from lavsim.traffic.near import Near, enter_order
-from lavsim.traffic.network import Lanes, project
+from lavsim.traffic.network import Lanes, settle_beside
 from lavsim.traffic.obstacles import Boxes
 
 _TIME = 3.5  # [s] that a lane change takes
@@ -109,8 +109,7 @@ def consider_change(
 @kernel
 def _begin(lanes: Lanes, fleet: Fleet, boxes: Boxes, near: Near, i: int, target: int, length: float, tick: int) -> None:
     row, lane = fleet.row[i], fleet.lane[i]
-    u = fleet.u[i] * lanes.length[target] / lanes.length[lane]
-    u, offset, _yaw = project(lanes, target, u, boxes.pose[row, 0], boxes.pose[row, 1])
+    u, offset, _yaw = settle_beside(lanes, lane, fleet.u[i], target, boxes.pose[row, 0], boxes.pose[row, 1])
     reset_plan(fleet, i)
     fleet.plan[i, FROM], fleet.plan[i, LEAD_IN], fleet.plan[i, HOLD] = offset, length, np.inf
     fleet.aside[i], fleet.changed[i] = lane, tick
@@ -135,7 +134,8 @@ def _gain(
     """What a change to lane `target` is worth to vehicle `i` and its followers [m/s²]; -100 when it is not safe."""
     row = fleet.row[i]
     half, speed = boxes.half[row, 0], max(boxes.forward[row], 0.0)
-    u = fleet.u[i] * lanes.length[target] / lanes.length[fleet.lane[i]]
+    x, y = boxes.pose[row, 0], boxes.pose[row, 1]
+    u, _offset, _yaw = settle_beside(lanes, fleet.lane[i], fleet.u[i], target, x, y)
     gap, pace = _front(lanes, boxes, near, target, u, half)
     back, follower = _rear(lanes, boxes, near, target, u, half)
     if gap < fleet.driver[i, MIN_GAP] or back < fleet.driver[i, MIN_GAP]:

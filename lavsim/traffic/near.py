@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lavsim.kernel import lean_kernel as kernel
 from lavsim.traffic.fleet import PATH_LANES, Fleet
 from lavsim.traffic.guests import MOST, Guests, may_follow
-from lavsim.traffic.network import Lanes
+from lavsim.traffic.network import Lanes, settle_beside
 from lavsim.traffic.obstacles import Boxes
 
 SLOW = 3.0  # [m/s] who is slower may stop behind a junction and leave no room
@@ -97,7 +97,9 @@ def survey(lanes: Lanes, fleet: Fleet, guests: Guests, boxes: Boxes, near: Near)
         enter_order(near, i, fleet.lane[i], fleet.u[i], row)
         if fleet.aside[i] >= 0:
             lane = fleet.aside[i]
-            enter_order(near, count + i, lane, fleet.u[i] * lanes.length[lane] / lanes.length[fleet.lane[i]], row)
+            x, y = boxes.pose[row, 0], boxes.pose[row, 1]
+            u, _offset, _yaw = settle_beside(lanes, fleet.lane[i], fleet.u[i], lane, x, y)
+            enter_order(near, count + i, lane, u, row)
         _note_tail(near, fleet.lane[i], fleet.u[i], boxes, row)
         _approach(lanes, fleet, boxes, near, i)
     for g in range(guests.number[0]):

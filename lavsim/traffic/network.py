@@ -210,6 +210,21 @@ def project(lanes: Lanes, lane: int, u: float, x: float, y: float) -> tuple[floa
 
 
 @kernel
+def settle(lanes: Lanes, lane: int, u: float, x: float, y: float) -> tuple[float, float, float]:
+    """As `project`, from a `u` that may be several metres off (past a bend, lanes side by side differ by that)."""
+    offset, yaw = 0.0, 0.0
+    for _ in range(2):
+        u, offset, yaw = project(lanes, lane, u, x, y)
+    return u, offset, yaw
+
+
+@kernel
+def settle_beside(lanes: Lanes, lane: int, u: float, other: int, x: float, y: float) -> tuple[float, float, float]:
+    """Where (x, y), which is at `u` along `lane`, is along the lane `other` beside it; results as of `project`."""
+    return settle(lanes, other, u * lanes.length[other] / lanes.length[lane], x, y)
+
+
+@kernel
 def point_row(lanes: Lanes, lane: int, u: float) -> int:
     """Row of the centre point of a lane nearest below `u`."""
     last = lanes.first[lane + 1] - 1

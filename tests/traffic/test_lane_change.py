@@ -61,3 +61,31 @@ def test_a_broken_down_car_is_passed_in_the_other_lane_even_from_a_standstill() 
     stage.run(25.0)
     assert stage.world.pose[stage.fleet.row[0], 0] > 100.0
     assert stage.contacts == 0
+
+
+@pytest.mark.parametrize("bend", [0.0, 30.0])
+@pytest.mark.parametrize("start", [95.0, 97.0])
+def test_who_swings_out_close_behind_a_standing_car_stays_behind_it_also_before_a_bend(
+    bend: float, start: float
+) -> None:
+    """Where a bend is still to come, both lanes have the same length behind them but another share of the whole."""
+    stage = Stage(worlds.two_lanes(190.0, bend=bend), [(LEFT, 110.0), (LEFT, start)])
+    stands, follows = stage.fleet.row
+    stage.world.body[follows, 0] = 6.0
+    for _ in range(200):
+        stage.world.touched[stands] = stage.world.tick  # it brakes as after a contact
+        stage.tick()
+    assert stage.fleet.lane[1] == RIGHT
+    assert stage.contacts == 0
+    assert stage.world.pose[stands, 0] - stage.world.pose[follows, 0] > 5.5
+
+
+def test_who_begins_to_change_further_back_gets_past_a_standing_car_before_a_bend() -> None:
+    stage = Stage(worlds.two_lanes(190.0, bend=30.0), [(LEFT, 110.0), (LEFT, 84.0)])
+    stands, follows = stage.fleet.row
+    stage.world.body[follows, 0] = 4.0
+    for _ in range(200):
+        stage.world.touched[stands] = stage.world.tick
+        stage.tick()
+    assert stage.world.pose[follows, 0] - stage.world.pose[stands, 0] > 10.0
+    assert stage.contacts == 0
