@@ -65,23 +65,25 @@ def arc(radius: float = 30.0, length: float = 80.0, left: bool = True) -> TownMa
 
 
 @cache
-def two_lanes(length: float = 300.0, lane_change: str = "both", bend: float = 0.0) -> TownMap:
+def two_lanes(
+    length: float = 300.0, lane_change: str = "both", bend: float = 0.0, sections: tuple[float, ...] = (0.0,)
+) -> TownMap:
     """One road along y = 0 with two lanes towards the east (ids -1, -2) and none back; the mark between is broken.
 
-    Its last `bend` metres turn left with a radius of 20 m.
+    Its last `bend` metres turn left with a radius of 20 m; lane sections begin at `sections` [m].
     """
     mark = RoadMark(0.0, "broken", "white", 0.12, lane_change)
     shut = RoadMark(0.0, "solid", "white", 0.12, "none")
     width = (Polynomial(0.0, 3.5),)
     lanes = (
         LaneRecord(0, "none", (), (shut,)),
-        LaneRecord(-1, "driving", width, (mark,)),
-        LaneRecord(-2, "driving", width, (shut,)),
+        LaneRecord(-1, "driving", width, (mark,), -1, -1),
+        LaneRecord(-2, "driving", width, (shut,), -2, -2),
     )
     line: tuple[Geometry, ...] = (Geometry(0.0, 0.0, 0.0, 0.0, length - bend),)
     if bend > 0.0:
         line += (Geometry(length - bend, length - bend, 0.0, 0.0, bend, 1.0 / 20.0),)
-    road = RoadRecord(1, length, line, (SectionRecord(0.0, lanes),), name="Two Lanes")
+    road = RoadRecord(1, length, line, tuple(SectionRecord(s, lanes) for s in sections), name="Two Lanes")
     return build_town("two_lanes", write_network(Network((road,), name="two_lanes")))
 
 

@@ -18,6 +18,8 @@ PATH_LANES = 10  # lanes ahead that a driver has decided on
 # Columns of `Fleet.plan`.
 GONE_ALONG, FROM, TO, LEAD_IN, HOLD, LEAD_OUT = range(6)
 
+_BESIDE = 1.0  # [m] between the edges of lanes that begin side by side
+
 NOBODY, RED_LIGHT = -1, -2  # values of `Fleet.blame` beside the rows of the world
 
 
@@ -132,10 +134,25 @@ def advance(lanes: Lanes, fleet: Fleet, i: int, x: float, y: float) -> float:
             for k in range(PATH_LANES - 1):
                 fleet.path[i, k] = fleet.path[i, k + 1]
             fleet.path[i, PATH_LANES - 1] = -1
-            fleet.aside[i] = -1
+            fleet.aside[i] = _goes_on_beside(lanes, fleet.aside[i], fleet.lane[i])
             extend_path(lanes, fleet, i)
         fleet.u[i] = max(fleet.u[i], 0.0)
     return offset
+
+
+@kernel
+def _goes_on_beside(lanes: Lanes, aside: int, lane: int) -> int:
+    """The lane after `aside` that begins beside `lane`, outside junctions; -1 for none."""
+    if aside < 0 or lanes.junction[lane] >= 0:
+        return -1
+    for s in range(lanes.succ_first[aside], lanes.succ_first[aside + 1]):
+        other = lanes.succ[s]
+        dx = lanes.points[lanes.first[other], 0] - lanes.points[lanes.first[lane], 0]
+        dy = lanes.points[lanes.first[other], 1] - lanes.points[lanes.first[lane], 1]
+        reach = 0.5 * (lanes.width[lane] + lanes.width[other]) + _BESIDE
+        if other != lane and lanes.junction[other] < 0 and dx * dx + dy * dy < reach * reach:
+            return other
+    return -1
 
 
 @kernel

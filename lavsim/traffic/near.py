@@ -237,7 +237,7 @@ def leader_in_lane(
     if other >= 0:
         return _ahead(boxes, near, other, near.u[other] - near.u[entry] - half)
     if entry != i:
-        return np.inf, 0.0, -1
+        return _leader_beyond(lanes, boxes, near, entry, half)
     distance = lanes.length[fleet.lane[i]] - fleet.u[i]
     for k in range(PATH_LANES):
         lane = fleet.path[i, k]
@@ -250,6 +250,20 @@ def leader_in_lane(
             return _ahead(boxes, near, other, distance + near.u[other] - half)
         distance += lanes.length[lane]
     return np.inf, 0.0, -1
+
+
+@kernel
+def _leader_beyond(lanes: Lanes, boxes: Boxes, near: Near, entry: int, half: float) -> tuple[float, float, int]:
+    """As `leader_in_lane`, on the lanes outside junctions after that of `entry`."""
+    gap, pace, who = np.inf, 0.0, -1
+    ahead = lanes.length[near.lane[entry]] - near.u[entry] - half
+    for s in range(lanes.succ_first[near.lane[entry]], lanes.succ_first[near.lane[entry] + 1]):
+        other = _of_fleet(boxes, near, near.head[lanes.succ[s]])
+        if other >= 0 and lanes.junction[lanes.succ[s]] < 0 and near.row[other] != near.row[entry]:
+            room, speed, row = _ahead(boxes, near, other, ahead + near.u[other])
+            if room < gap:
+                gap, pace, who = room, speed, row
+    return gap, pace, who
 
 
 @kernel

@@ -89,3 +89,17 @@ def test_who_begins_to_change_further_back_gets_past_a_standing_car_before_a_ben
         stage.tick()
     assert stage.world.pose[follows, 0] - stage.world.pose[stands, 0] > 10.0
     assert stage.contacts == 0
+
+
+@pytest.mark.parametrize("border", [99.0, 101.0, 103.0, 106.0, 108.0, 110.5])
+def test_who_swings_out_close_behind_a_standing_car_stays_behind_it_also_where_a_section_begins(border: float) -> None:
+    town = worlds.two_lanes(190.0, sections=(0.0, border))
+    lane, u = (LEFT, 110.0) if border > 110.0 else (LEFT + 2, 110.0 - border)
+    stage = Stage(town, [(lane, u), (LEFT, 97.0)])
+    stands, follows = stage.fleet.row
+    stage.world.body[follows, 0] = 6.0
+    for _ in range(200):
+        stage.world.touched[stands] = stage.world.tick
+        stage.tick()
+    assert stage.contacts == 0
+    assert stage.world.pose[stands, 0] - stage.world.pose[follows, 0] > 5.5
