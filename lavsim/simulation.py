@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lavsim.errors import ConfigError, UnknownName
 from lavsim.map.planner import get_planner
+from lavsim.map.route import RouteTracker
 from lavsim.map.scenery import SCENERY_VERSION
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.random import Draws
@@ -159,9 +160,10 @@ class Simulation:
         )
         self._walkers = Walkers(self.town, self._world, self.draws, self._population.walkers, spec.jaywalking)
         park_cars(self.town, self._world, self.draws, self._population.parked)
-        self._index = 0  # nearest route point, see `_track_route`
+        # Nearest point in the window ahead, later ones win ties (reference `leaderboard.md` 3.2).
+        self._tracker = RouteTracker(self.route, _TRIGGER_WINDOW)
         self._director = Director(
-            self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._progress
+            self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._tracker.metres
         )
         self._recent: deque[Snapshot] = deque(maxlen=_HISTORY)
         self.controls: list[NDArray[np.float32]] = []
@@ -178,7 +180,7 @@ class Simulation:
 
     def tick(self, control: Control) -> Snapshot:
         """Applies `control` for one tick and returns what came of it."""
-        self._director.tick(self.route.points[self._index, :2])
+        self._director.tick(self.route.points[self._tracker.index, :2])
         lights = self._lights.states(self._world.tick * DT)
         self._traffic.control(lights)
         self._walkers.control(lights)
@@ -187,7 +189,7 @@ class Simulation:
         self._world.drive_ego(control)
         self._world.step()
         self._follow_ground()
-        self._track_route()
+        self._tracker.update(self._world.ego.xy)
         snapshot = self._publish()
         self.controls.append(snapshot.control)
         return snapshot
@@ -241,18 +243,8 @@ class Simulation:
         points = np.column_stack([world.pose[rows, :2], world.height[rows]])
         world.height[rows] = self.town.nearest(points).points[:, 2]
 
-    def _track_route(self) -> None:
-        """Nearest route point in the window ahead, later ones win ties (reference `leaderboard.md` 3.2)."""
-        last = min(self._index + _TRIGGER_WINDOW, len(self.route.points) - 1)
-        window = self.route.points[self._index : last + 1, :2] - self._world.ego.xy
-        distance = np.hypot(window[:, 0], window[:, 1])
-        self._index += len(distance) - 1 - int(np.argmin(distance[::-1]))
-
-    def _progress(self) -> float:
-        return float(self.route.distance[self._index])
-
     def _weather(self) -> Weather:
-        return weather_at(self.spec.weather, 100.0 * self.route.distance[self._index] / self.route.length)
+        return weather_at(self.spec.weather, 100.0 * self._tracker.metres() / self.route.length)
 
     def _publish(self) -> Snapshot:
         states = self._lights.states(self._world.tick * DT)

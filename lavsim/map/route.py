@@ -133,6 +133,10 @@ class RouteTracker:
         self.index += len(squared) - 1 - int(np.argmin(squared[::-1]))
         return self.index
 
+    def metres(self) -> float:
+        """Length of the route behind the current point [m]."""
+        return float(self.route.distance[self.index])
+
     @property
     def percentage(self) -> float:
         """Share of the route's length behind the current point [0 to 100]."""
