@@ -245,9 +245,11 @@ def _pack(residuals: NDArray[np.int32], channels: Sequence[int]) -> bytes:
     The symbol counts in threes over the first five channels; others, which seldom change, have to be zero.
     """
     chosen = np.stack([residuals[..., channel] for channel in channels])
-    fits = np.all(np.abs(chosen[:_DIGITS]) <= 1, axis=0) & np.all(chosen[_DIGITS:] == 0, axis=0)
-    weights = 3 ** np.arange(len(chosen[:_DIGITS]), dtype=np.int32)
-    symbols = np.where(fits, np.tensordot(weights, chosen[:_DIGITS], 1) % 3**_DIGITS, _SURPRISE)
+    digits = chosen[:_DIGITS]
+    small = (digits >= -1) & (digits <= 1)  # not by np.abs, which leaves the smallest integer negative
+    fits = np.all(small, axis=0) & np.all(chosen[_DIGITS:] == 0, axis=0)
+    weights = 3 ** np.arange(len(digits), dtype=np.int32)
+    symbols = np.where(fits, np.tensordot(weights, digits, 1) % 3**_DIGITS, _SURPRISE)
     return symbols.astype(np.uint8).tobytes() + _planes(_zigzag(chosen[:, ~fits]))
 
 

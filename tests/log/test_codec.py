@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -28,7 +28,12 @@ def test_a_block_gives_back_every_bit(seed: int, ticks: int, actors: int) -> Non
     assert_comes_back(snapshots, rng.integers(-(2**31), 2**31 - 1, (actors, 11)).astype(np.int32))
 
 
+SMALLEST = np.full((4, 11), -(2**31), np.int32)
+SMALLEST[0, 7] = 0  # a step to the smallest integer leaves a residual that is the smallest integer
+
+
 @given(values=hnp.arrays(np.int32, (4, 11)))
+@example(values=SMALLEST)
 @settings(max_examples=20, deadline=None)
 def test_extreme_integers_survive(values: np.ndarray) -> None:
     assert_comes_back(moving(values), np.zeros((1, 11), np.int32))
