@@ -11,6 +11,7 @@ import numpy as np
 from agents.behavior.control import Controller
 from agents.behavior.forecast import Forecaster
 from agents.behavior.hazards import Ego, Meeting, kerb_speed, meetings
+from agents.behavior.labels import labels_of
 from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
 from agents.behavior.road import StopPoint, TrackBook, limits_along, stop_points
 from agents.behavior.speed import Manner, speed_profile, stopping, time_to_cover, towards
@@ -51,6 +52,10 @@ class BehaviorAgent(PrivilegedAgent):
             self._expert = Expert(path_of_plan(self.dense_plan), load_town(truth["town"]))
         return self._expert.drive(truth)
 
+    def labels(self) -> dict[str, int | float | str]:
+        """What it brakes for and how fast it wants to be, of the last step (`agents.behavior.labels`)."""
+        return self._expert.labels() if self._expert is not None else {}
+
     def drawings(self) -> dict[str, Drawing]:
         """Its plan, its forecasts, and what it brakes for."""
         expert = self._expert
@@ -83,6 +88,7 @@ class Expert:
         self._signs_done = 0  # stop signs at which it has stood or which lie behind it
         self._waiting = 0.0  # [s] it has stood for others
         self._time = -math.inf
+        self._stops = False  # whether that brings it to rest
         self.reason = ""  # what held it back last: for pictures and debugging
         self.view: View | None = None  # what it had in mind last
 
@@ -101,16 +107,21 @@ class Expert:
         forecast = self._forecaster.update(truth, np.flatnonzero(near))
         kerb = kerb_speed(self.path, ego, forecast)
         slope = (wanted - self.path.at(self.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
-        bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), self.manner))]
+        bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), self.manner), False)]
         met = meetings(self.path, ego, forecast, self.manner, self._patience(truth, speed))
-        bounds += [(f"actor {int(truth['ids'][m.row])}", m.acceleration) for m in met]
-        bounds.append(("light", self._lights(ego, truth["lights"])))
-        bounds.append(("stop sign", self._stop_sign(ego)))
-        bounds.append(("junction", self._junction(ego, met)))
-        bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner)))
-        self.reason, acceleration = min(bounds, key=lambda bound: bound[1])
+        bounds += [(f"actor {int(truth['ids'][m.row])}", m.acceleration, math.isfinite(m.stop)) for m in met]
+        bounds.append(("light", self._lights(ego, truth["lights"]), True))
+        bounds.append(("stop sign", self._stop_sign(ego), True))
+        bounds.append(("junction", self._junction(ego, met), True))
+        bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner), True))
+        self.reason, acceleration, self._stops = min(bounds, key=lambda bound: bound[1])
         self.view = View(truth, forecast, s, min(wanted, kerb), acceleration, self.reason)
         return self._controller.command(self.path, s, offset, ego.yaw, speed, acceleration)
+
+    def labels(self) -> dict[str, int | float | str]:
+        """What it brakes for and how fast it wants to be; empty before its first tick."""
+        view = self.view
+        return labels_of(view.truth, view.reason, view.acceleration, view.wanted, self._stops) if view else {}
 
     def _patience(self, truth: Mapping[str, Any], speed: float) -> float:
         """1 at first, down to 0 while it stands for other road users."""

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from agents.behavior.forecast import Forecast
+from agents.behavior.labels import FELT
 from agents.behavior.path import STEP, ReferencePath
 from lavsim.drawings import Drawing, boxes, polylines, scalar
 
 PLAN_LENGTH = 40.0  # [m]
 NEAR = 60.0  # [m] within which others are shown
-FELT = -0.3  # [m/s²] a wish above this is no braking
 
 
 @dataclass(frozen=True)
