@@ -30,6 +30,7 @@ from lavsim.world.dynamics import road_grip
 from lavsim.world.lights import LightCycle, TrafficLights
 from lavsim.world.snapshot import Snapshot
 from lavsim.world.weather import Weather, WeatherKeyframe, weather_at
+from lavsim.world.weather_redrawn import RedrawnWeather
 from lavsim.world.world import World
 
 EGO_BLUEPRINTS = {"1.0": "vehicle.lincoln.mkz_2017", "2.x": "vehicle.lincoln.mkz_2020"}
@@ -47,7 +48,7 @@ class DriveSpec:
         town: Name of the town.
         route_id: Of the route file, for the log.
         keypoints: (K, 3) what the route is traced through [m].
-        weather: Keyframes over the route; empty means the default weather.
+        weather: Keyframes over the route, empty means the default weather; or weather that is drawn anew in time.
         scenarios: Hazards in the order of the route file.
         seed: Root of all draws.
         traffic: A name of `TRAFFIC_PROFILES`.
@@ -66,7 +67,7 @@ class DriveSpec:
     town: str
     route_id: str
     keypoints: NDArray[np.float64]
-    weather: tuple[WeatherKeyframe, ...] = ()
+    weather: tuple[WeatherKeyframe, ...] | RedrawnWeather = ()
     scenarios: tuple[ScenarioSpec, ...] = ()
     seed: int = 0
     traffic: str = "leaderboard"
@@ -111,7 +112,7 @@ class DriveSpec:
         return DriveSpec(
             **{name: header[name] for name in plain},
             keypoints=np.array(header["keypoints"], dtype=np.float64).reshape(-1, 3),
-            weather=tuple(_keyframe(entry) for entry in header["weather"]),
+            weather=_weather_of(header["weather"]),
             scenarios=tuple(
                 ScenarioSpec(s["name"], s["type"], s["generation"], tuple(s["trigger"]), s["parameters"])
                 for s in header["scenarios"]
@@ -121,9 +122,19 @@ class DriveSpec:
         )
 
 
-def _keyframe(entry: Mapping[str, float]) -> WeatherKeyframe:
-    fields = dict(entry)
-    return WeatherKeyframe(fields.pop("percentage"), Weather(**fields))
+def _weather_of(entry: Any) -> tuple[WeatherKeyframe, ...] | RedrawnWeather:
+    """The weather that `_weather_entry` tells of."""
+    if isinstance(entry, Mapping):
+        return RedrawnWeather(**entry["redrawn"])
+    keyframes = (dict(fields) for fields in entry)
+    return tuple(WeatherKeyframe(fields.pop("percentage"), Weather(**fields)) for fields in keyframes)
+
+
+def _weather_entry(weather: tuple[WeatherKeyframe, ...] | RedrawnWeather) -> Any:
+    """A drive's weather in JSON types."""
+    if isinstance(weather, RedrawnWeather):
+        return {"redrawn": asdict(weather)}
+    return [{"percentage": k.percentage, **asdict(k.weather)} for k in weather]
 
 
 class Simulation:
@@ -203,7 +214,7 @@ class Simulation:
             "scenery_version": SCENERY_VERSION,
             "route_id": spec.route_id,
             "keypoints": np.asarray(spec.keypoints, dtype=float).tolist(),
-            "weather": [{"percentage": k.percentage, **asdict(k.weather)} for k in spec.weather],
+            "weather": _weather_entry(spec.weather),
             "scenarios": [
                 {"name": s.name, "type": s.type, "generation": s.generation, "trigger": list(s.trigger),
                  "parameters": dict(s.parameters)}
@@ -244,6 +255,8 @@ class Simulation:
         world.height[rows] = self.town.nearest(points).points[:, 2]
 
     def _weather(self) -> Weather:
+        if isinstance(self.spec.weather, RedrawnWeather):
+            return self.spec.weather.at(self._world.tick)
         return weather_at(self.spec.weather, 100.0 * self._tracker.metres() / self.route.length)
 
     def _publish(self) -> Snapshot:
