@@ -45,6 +45,10 @@ class LogError(LavsimError):
     """A recorded drive that can't be read."""
 
 
+class DatasetError(LavsimError):
+    """A dataset, or a file of one, that is damaged, incomplete, of another version, or not what was named."""
+
+
 class OutputError(LavsimError):
     """An output folder that can't be written or already holds a run."""
 
