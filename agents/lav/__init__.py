@@ -1,0 +1,1 @@
+"""Learning from All Vehicles (Chen & Krähenbühl, CVPR 2022): models, stages, agents."""

@@ -1,0 +1,193 @@
+"""Every size of LAV in one tree, and its presets.
+
+Sources: reference `lav.md` sections 2, 4 and 6.5 for `paper`; `tiny` and `small` are sizes for CPUs (the design's
+presets). Frames: the vehicle's (x forward, y right) for ranges, the planner's (`agents.lav.frames`) for plans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from lavsim.config import Config
+from lavsim.errors import UnknownName
+
+COMMANDS = 6  # left, right, straight, follow, change left, change right
+TIME_STEP = 0.25  # [s] between waypoints and between kept frames
+
+
+class GridConfig(Config):
+    """The bird's-eye grid that perception and labels share."""
+
+    behind: float = Field(default=10.0, gt=0.0, description="Reach behind the ego's origin [m].")
+    ahead: float = Field(default=70.0, gt=0.0, description="Reach ahead [m].")
+    aside: float = Field(default=40.0, gt=0.0, description="Reach to each side [m].")
+    cell: float = Field(default=0.25, gt=0.0, description="Side of a cell [m].")
+
+    @property
+    def rows(self) -> int:
+        """Cells from ahead to behind."""
+        return round((self.ahead + self.behind) / self.cell)
+
+    @property
+    def cols(self) -> int:
+        """Cells from left to right."""
+        return round(2.0 * self.aside / self.cell)
+
+    @model_validator(mode="after")
+    def _even(self) -> GridConfig:
+        if self.rows % 8 or self.cols % 8:
+            raise ValueError(f"a grid needs rows and columns divisible by 8, these make {self.rows} x {self.cols}")
+        return self
+
+
+class CropConfig(Config):
+    """The window around a vehicle that its motion is read from, heading up."""
+
+    side: float = Field(default=48.0, gt=0.0, description="Side of the square [m].")
+    behind: float = Field(default=6.0, ge=0.0, description="Of it behind the vehicle [m].")
+    cell: float = Field(default=0.5, gt=0.0, description="Cell of the student's crop, from features [m].")
+    teacher_cell: float = Field(default=0.25, gt=0.0, description="Cell of the teacher's crop, from labels [m].")
+
+
+class CameraConfig(Config):
+    """Images as the networks take them; the sensors' are halved where these are half their size."""
+
+    height: int = Field(default=288, gt=0, description="Of each of the three wide images [px].")
+    width: int = Field(default=256, gt=0, description="[px]")
+    telephoto_height: int = Field(default=192, gt=0, description="Of the telephoto without its lowest third [px].")
+    telephoto_width: int = Field(default=480, gt=0, description="[px]")
+
+
+class SegmentationConfig(Config):
+    """The network that paints points."""
+
+    network: Literal["erfnet", "unet", "light"] = "erfnet"
+    widths: tuple[int, ...] = Field(default=(16, 64, 128), description="Channels at strides 2, 4, 8 (and 16: light).")
+    blocks: tuple[int, int] = Field(default=(5, 2), description="ERFNet's residual blocks at stride 4, rounds at 8.")
+
+
+class ResNetConfig(Config):
+    """A residual network of basic blocks."""
+
+    depth: Literal[10, 18] = 18
+    width: int = Field(default=64, gt=0, description="Channels of the first stage; doubled in each further one.")
+
+    @property
+    def features(self) -> int:
+        """Channels at the end."""
+        return 8 * self.width
+
+
+class PillarConfig(Config):
+    """Points to pillars."""
+
+    points: int = Field(default=40_000, gt=0, description="At most so many a scan; the rest is left out by hash.")
+    widths: tuple[int, ...] = Field(default=(32, 32), description="Of the linear layers.")
+
+
+class BackboneConfig(Config):
+    """The bird's-eye convolutions and heads."""
+
+    width: int = Field(default=32, gt=0, description="C: channels at stride 2.")
+    head_width: int = Field(default=64, gt=0)
+    neck: int | None = Field(default=None, description="Channels after a 1x1 convolution before RoIs; None keeps 6C.")
+    shared_head: bool = Field(default=False, description="One first convolution for all heads.")
+    detection_radius: float = Field(default=15.0, gt=0.0, description="Labels of vehicles within [m].")
+    walker_radius: float = Field(default=10.0, gt=0.0, description="Labels of pedestrians within [m].")
+    ring: float = Field(default=10.0, ge=0.0, description="Beyond the radius, where nothing counts as background [m].")
+
+
+class MotionConfig(Config):
+    """Plans and forecasts."""
+
+    embedding: ResNetConfig = ResNetConfig()
+    coarse_hidden: int = Field(default=64, gt=0)
+    refine_hidden: int | None = Field(default=None, description="Of the refiner; None takes the embedding's size.")
+    waypoints: int = Field(default=10, gt=0, description="T, a quarter of a second apart.")
+    refinements: int = Field(default=5, ge=0, description="K.")
+    radius: float = Field(default=15.0, gt=0.0, description="Vehicles farther from the ego are not learnt from [m].")
+
+
+class TemporalConfig(Config):
+    """The paper's leaderboard entry: several scans and a filter."""
+
+    scans: int = Field(default=1, ge=1, description="Scans a quarter of a second apart; 3 in the leaderboard entry.")
+    filter: bool = Field(default=False, description="Whether an extended Kalman filter places the ego.")
+
+
+class LavConfig(Config):
+    """All sizes of one LAV."""
+
+    name: str = "paper"
+    grid: GridConfig = GridConfig()
+    crop: CropConfig = CropConfig()
+    cameras: CameraConfig = CameraConfig()
+    segmentation: SegmentationConfig = SegmentationConfig()
+    brake: ResNetConfig = ResNetConfig()
+    pillars: PillarConfig = PillarConfig()
+    painted: bool = Field(default=True, description="Whether points carry what the cameras saw there.")
+    backbone: BackboneConfig = BackboneConfig()
+    motion: MotionConfig = MotionConfig()
+    temporal: TemporalConfig = TemporalConfig()
+
+    @property
+    def point_features(self) -> int:
+        """x, y, z, intensity, four painted scores, and one time tag a scan where there are several."""
+        scans = self.temporal.scans
+        return 4 + 4 * self.painted + (scans if scans > 1 else 0)
+
+
+_SMALL_CAMERAS = CameraConfig(height=144, width=128, telephoto_height=96, telephoto_width=240)
+_TINY_RESNET = ResNetConfig(depth=10, width=16)
+
+PRESETS: Mapping[str, LavConfig] = {
+    "paper": LavConfig(),
+    "small": LavConfig(
+        name="small",
+        grid=GridConfig(cell=0.5),
+        crop=CropConfig(side=48.0, behind=6.0, cell=1.0, teacher_cell=0.5),
+        cameras=_SMALL_CAMERAS,
+        segmentation=SegmentationConfig(network="erfnet", widths=(8, 32, 64), blocks=(3, 1)),
+        brake=ResNetConfig(depth=10, width=32),
+        pillars=PillarConfig(points=20_000),
+        backbone=BackboneConfig(neck=32, shared_head=True),
+        motion=MotionConfig(embedding=ResNetConfig(depth=10, width=32), refine_hidden=256),
+    ),
+    "tiny": LavConfig(
+        name="tiny",
+        grid=GridConfig(behind=8.0, ahead=56.0, aside=32.0, cell=0.5),
+        crop=CropConfig(side=40.0, behind=5.0, cell=1.0, teacher_cell=0.5),
+        cameras=_SMALL_CAMERAS,
+        segmentation=SegmentationConfig(network="light", widths=(16, 32, 64, 96), blocks=(0, 0)),
+        brake=_TINY_RESNET,
+        pillars=PillarConfig(points=12_000),
+        backbone=BackboneConfig(neck=32, shared_head=True),
+        motion=MotionConfig(embedding=_TINY_RESNET, refine_hidden=None),
+    ),
+    "micro": LavConfig(
+        name="micro",
+        grid=GridConfig(behind=8.0, ahead=24.0, aside=16.0, cell=1.0),
+        crop=CropConfig(side=24.0, behind=4.0, cell=2.0, teacher_cell=1.0),
+        cameras=CameraConfig(height=48, width=48, telephoto_height=32, telephoto_width=80),
+        segmentation=SegmentationConfig(network="light", widths=(4, 8, 8, 8), blocks=(0, 0)),
+        brake=ResNetConfig(depth=10, width=4),
+        pillars=PillarConfig(points=1_000, widths=(8, 8)),
+        backbone=BackboneConfig(width=8, head_width=8, neck=8, shared_head=True),
+        motion=MotionConfig(embedding=ResNetConfig(depth=10, width=4), coarse_hidden=8, waypoints=4, refinements=2),
+    ),
+}
+
+
+def find_preset(name: str) -> LavConfig:
+    """The preset called `name`.
+
+    Raises:
+        UnknownName: there is none.
+    """
+    try:
+        return PRESETS[name]
+    except KeyError:
+        raise UnknownName("preset", name, PRESETS) from None

@@ -1,0 +1,1 @@
+"""Networks of LAV, every size from `LavConfig`."""

@@ -1,0 +1,155 @@
+"""From a window's embedding to motion: six coarse branches, their refinement towards the goal, the likely commands.
+
+The same layers serve teacher and student, the ego and every other vehicle (paper, section 3.3; reference `lav.md` 4.8).
+Paths are in the vehicle's own frame (x right, y backward [m]), `TIME_STEP` apart, the vehicle at the origin.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from agents.lav.config import COMMANDS, MotionConfig
+from agents.lav.models.resnet import ResNet
+
+GOAL_SCALE = 24.0  # [m] of the paper's goal encoding g / 24 - 1
+
+
+class Embedding(nn.Module):
+    """A window (N, C, S, S) as a vector (N, D)."""
+
+    def __init__(self, config: MotionConfig, channels: int) -> None:
+        super().__init__()
+        self.network = ResNet(config.embedding, channels)
+
+    def forward(self, windows: Tensor) -> Tensor:
+        vectors: Tensor = self.network(windows).mean(dim=(2, 3))
+        return vectors
+
+
+class CommandGrus(nn.Module):
+    """Six recurrent branches whose input, the embedding, is the same at every step, run as one.
+
+    Since the input is constant its share of the gates is computed once, and the six recurrences are one batched matrix
+    product a step.
+    """
+
+    def __init__(self, features: int, hidden: int, steps: int) -> None:
+        super().__init__()
+        self.steps, self.hidden = steps, hidden
+        self.input_weight = nn.Parameter(torch.empty(COMMANDS, 3 * hidden, features))
+        self.hidden_weight = nn.Parameter(torch.empty(COMMANDS, 3 * hidden, hidden))
+        self.input_bias = nn.Parameter(torch.empty(COMMANDS, 3 * hidden))
+        self.hidden_bias = nn.Parameter(torch.empty(COMMANDS, 3 * hidden))
+        self.out_weight = nn.Parameter(torch.empty(COMMANDS, 2, hidden))
+        self.out_bias = nn.Parameter(torch.empty(COMMANDS, 2))
+        for parameter in self.parameters():  # as torch's own GRU and linear layers begin
+            nn.init.uniform_(parameter, -(hidden**-0.5), hidden**-0.5)
+
+    def forward(self, vectors: Tensor) -> Tensor:
+        """Paths (N, 6, T, 2) [m] of vectors (N, D)."""
+        fixed = torch.einsum("nd,cgd->cng", vectors, self.input_weight) + self.input_bias[:, None]
+        state = vectors.new_zeros(COMMANDS, len(vectors), self.hidden)
+        weight, bias = self.hidden_weight.transpose(1, 2), self.hidden_bias[:, None]
+        steps = []
+        for _ in range(self.steps):
+            own = torch.baddbmm(bias, state, weight)
+            reset, update = torch.sigmoid(fixed[..., : 2 * self.hidden] + own[..., : 2 * self.hidden]).chunk(2, dim=-1)
+            new = torch.tanh(fixed[..., 2 * self.hidden :] + reset * own[..., 2 * self.hidden :])
+            state = new + update * (state - new)
+            steps.append(torch.baddbmm(self.out_bias[:, None], state, self.out_weight.transpose(1, 2)))
+        return torch.cumsum(torch.stack(steps, dim=2), dim=2).transpose(0, 1)
+
+
+class Refiner(nn.Module):
+    """Moves a plan towards the goal, again and again; its recurrence begins with the embedding."""
+
+    def __init__(self, features: int, hidden: int | None) -> None:
+        super().__init__()
+        width = hidden or features
+        self.begin: nn.Module = nn.Identity() if width == features else nn.Linear(features, width)
+        self.gru = nn.GRU(4, width, batch_first=True)
+        self.out = nn.Linear(width, 2)
+
+    def forward(self, vectors: Tensor, goals: Tensor, plans: Tensor, iterations: int) -> Tensor:
+        """Plans of all iterations.
+
+        Args:
+            vectors: (N, D) embeddings.
+            goals: (N, 2) target points [m].
+            plans: (N, 6, T, 2) to begin with; no gradient flows into them.
+            iterations: K.
+
+        Returns:
+            (N, K, 6, T, 2).
+        """
+        count, branches, steps = plans.shape[:3]
+        start = self.begin(vectors).repeat_interleave(branches, dim=0)[None].contiguous()
+        goal = (goals / GOAL_SCALE - 1.0)[:, None, None].expand(-1, branches, steps, -1)
+        plan, found = plans.detach(), []
+        for _ in range(iterations):
+            inputs = torch.cat([goal, plan], dim=-1).reshape(count * branches, steps, 4)
+            states, _ = self.gru(inputs, start)
+            plan = plan + torch.cumsum(self.out(states), dim=1).reshape(plan.shape)
+            found.append(plan)
+        return torch.stack(found, dim=1) if found else plans.new_zeros(count, 0, branches, steps, 2)
+
+
+class MotionPlan(NamedTuple):
+    """What is read from embeddings.
+
+    Attributes:
+        coarse: (N, 6, T, 2) [m] by command.
+        commands: (N, 6) logits of the commands a vehicle may follow.
+    """
+
+    coarse: Tensor
+    commands: Tensor
+
+
+class MotionHead(nn.Module):
+    """Coarse branches, refiner and command classifier on one embedding."""
+
+    def __init__(self, config: MotionConfig) -> None:
+        super().__init__()
+        features = config.embedding.features
+        self.refinements = config.refinements
+        self.coarse = CommandGrus(features, config.coarse_hidden, config.waypoints)
+        self.refiner = Refiner(features, config.refine_hidden) if config.refinements else None
+        self.commands = nn.Linear(features, COMMANDS)
+
+    def forward(self, vectors: Tensor) -> MotionPlan:
+        """Coarse plans and command logits of vectors (N, D)."""
+        return MotionPlan(self.coarse(vectors), self.commands(vectors))
+
+    def refine(self, vectors: Tensor, goals: Tensor, coarse: Tensor) -> Tensor:
+        """Plans (N, K, 6, T, 2) [m] after each of the K refinements; with K = 0 there are none."""
+        if self.refiner is None:
+            return coarse[:, None][:, :0]
+        refined: Tensor = self.refiner(vectors, goals, coarse, self.refinements)
+        return refined
+
+
+def chosen(paths: Tensor, commands: Tensor) -> Tensor:
+    """The branches (..., T, 2) of paths (N, ..., 6, T, 2) that commands (N,) name."""
+    index = commands.reshape(-1, *([1] * (paths.dim() - 1))).expand(*paths.shape[:-3], 1, *paths.shape[-2:])
+    return torch.gather(paths, paths.dim() - 3, index).squeeze(-3)
+
+
+def path_loss(paths: Tensor, targets: Tensor) -> Tensor:
+    """Mean absolute error (...) over the points and axes of paths (..., T, 2) [m]."""
+    return (paths - targets).abs().mean(dim=(-2, -1))
+
+
+def nearest_branch_loss(paths: Tensor, targets: Tensor) -> Tensor:
+    """Error (N,) of that branch of (N, 6, T, 2) which is nearest to targets (N, T, 2): others' commands are unknown."""
+    return path_loss(paths, targets[:, None]).amin(dim=1)
+
+
+def command_loss(logits: Tensor, commands: Tensor, smoothing: float) -> Tensor:
+    """Binary cross entropy (N,) of each command's likelihood; a label keeps 1 - smoothing, all share the rest."""
+    labels = functional.one_hot(commands, COMMANDS).to(logits.dtype) * (1.0 - smoothing) + smoothing / COMMANDS
+    return functional.binary_cross_entropy_with_logits(logits, labels, reduction="none").mean(dim=1)
