@@ -71,5 +71,6 @@ def _record(fields: Mapping[str, Any]) -> RouteRecord:
             **fields,
             "scores": Scores(scores["score_route"], scores["score_penalty"], scores["score_composed"]),
             "infractions": {key: tuple(texts) for key, texts in fields["infractions"].items()},
+            "read_back": True,
         }
     )

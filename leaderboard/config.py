@@ -41,6 +41,7 @@ class EvaluationConfig(BaseModel):
     step_timeout: float = Field(60.0, gt=0.0, description="wall-clock limit of an agent's step [s]")
     setup_timeout: float = Field(600.0, gt=0.0, description="wall-clock limit of an agent's set-up [s]")
     memory_limit: int = Field(16 * 2**30, gt=0, description="resident memory of the agent's processes [bytes]")
+    strict_compat: bool = Field(False, description="keep the bookkeeping defects of the original results file")
     pictures: bool = Field(True, description="draw a contact sheet of each drive")
     drawings: bool = Field(False, description="keep what the agent shows of its inner view beside each log")
 
@@ -86,6 +87,12 @@ class EvaluationConfig(BaseModel):
             first = error.errors()[0]
             name = ".".join(map(str, first["loc"])) or "evaluation"
             raise ConfigError(f"{name}: {first['msg']}, got {first['input']!r}") from None
+
+    @model_validator(mode="after")
+    def _one_original(self) -> EvaluationConfig:
+        if self.strict_compat and self.rules == "corrected":
+            raise ConfigError("--strict-compat keeps mistakes that --rules corrected mends: give one of them")
+        return self
 
     @model_validator(mode="after")
     def _one_way_to_begin(self) -> EvaluationConfig:

@@ -159,7 +159,13 @@ class _Book:
         """Replaces results file and run file by what is known now."""
         outcomes = [self._outcomes[index] for index in sorted(self._outcomes)]
         self._results = write_outcomes(
-            self._config.out, outcomes, len(self._tasks), self._config.rule_set, self._header, finished
+            self._config.out,
+            outcomes,
+            len(self._tasks),
+            self._config.rule_set,
+            self._header,
+            finished,
+            self._config.strict_compat,
         )
 
     def _tell(self, name: str, town: str, tick: Tick, failure: str | None = None) -> None:

@@ -20,9 +20,8 @@ from leaderboard.record import RESULTS, Results
 from leaderboard.report.page import write_report
 from leaderboard.rules import Rules, get_rules
 from leaderboard.run import Run, claim_folder
-from leaderboard.score import OUTSIDE, RouteRecord, Scores
+from leaderboard.score import OUTSIDE, RouteRecord, Scores, metres_of_text
 
-_METRES = 8  # token of an off-road text that says how far, split at single spaces
 _ROUTE_ID = re.compile(r"RouteScenario_(?P<route>.+?)(?:_rep(?P<repetition>\d+))?$")
 
 
@@ -45,7 +44,9 @@ class Part:
     run: Run | None
 
 
-def merge(sources: Sequence[Path], out: Path, version: str | None = None, overwrite: bool = False) -> Results:
+def merge(
+    sources: Sequence[Path], out: Path, version: str | None = None, overwrite: bool = False, strict: bool = False
+) -> Results:
     """Joins `sources` into one run in the folder `out`.
 
     Args:
@@ -53,6 +54,7 @@ def merge(sources: Sequence[Path], out: Path, version: str | None = None, overwr
         out: Folder of the joined run; it gets a report where every source is a run of ours.
         version: Rules that results files were written under; runs of ours say so themselves.
         overwrite: Whether a run in `out` is replaced.
+        strict: Whether the originals' bookkeeping defects are kept.
 
     Returns:
         What the joined results file says.
@@ -71,14 +73,15 @@ def merge(sources: Sequence[Path], out: Path, version: str | None = None, overwr
     sensors = next(iter(suites), ())
     outcomes = [_outcome(record, part, number, out, sensors) for number, (record, part) in enumerate(joined)]
     total = sum(part.total for part in parts)
-    results = write_outcomes(out, outcomes, total, rules, _header(parts, rules), finished=len(outcomes) == total)
+    finished = len(outcomes) == total
+    results = write_outcomes(out, outcomes, total, rules, _header(parts, rules), finished, strict)
     if all(part.run is not None for part in parts):
         write_report(Run.load(out))
     return results
 
 
 def read_record(content: Mapping[str, Any], rules: Rules) -> RouteRecord:
-    """A record of a results file; the metres driven outside are read from its text as the original does."""
+    """A record of a results file; the metres driven outside are read from its text: there is no other place."""
     meta, scores, found = content["meta"], content["scores"], content["infractions"]
     infractions = {key: tuple(found.get(key, ())) for key in charges_of(rules)}
     outside = infractions.get(OUTSIDE, ())
@@ -91,7 +94,8 @@ def read_record(content: Mapping[str, Any], rules: Rules) -> RouteRecord:
         route_length=meta["route_length"],
         duration_game=meta["duration_game"],
         duration_system=meta["duration_system"],
-        metres_outside=float(outside[0].split(" ")[_METRES]) if outside else 0.0,
+        metres_outside=metres_of_text(outside[0]) if outside else 0.0,
+        read_back=True,
     )
 
 
@@ -135,7 +139,7 @@ def _refuse_twice(records: Sequence[RouteRecord]) -> None:
 
 
 def _outcome(record: RouteRecord, part: Part, index: int, out: Path, sensors: tuple[str, ...]) -> DriveOutcome:
-    record_there = replace(record, index=index)
+    record_there = replace(record, index=index, metres_outside=_metres_of(record, part))
     details: dict[str, Any] = {"index": index, "name": record.route_id, "dense_length": record.route_length}
     details |= {"completion": record.scores.route, "log": None, "picture": None}
     details |= {"scenarios": [], "metrics": {}}
@@ -146,6 +150,14 @@ def _outcome(record: RouteRecord, part: Part, index: int, out: Path, sensors: tu
         if details.get(name):
             details[name] = Path(os.path.relpath((part.path / details[name]).resolve(), out.resolve())).as_posix()
     return DriveOutcome(record_there, sensors, part.run.run["track"], details)
+
+
+def _metres_of(record: RouteRecord, part: Part) -> float:
+    """Metres off the road [m]: as the run says where it is one of ours, else as the text does."""
+    if part.run is None:
+        return record.metres_outside
+    found = part.run.drive(record.index)["infractions"]
+    return float(sum(i["metres"] or 0.0 for i in found if i["key"] == OUTSIDE))
 
 
 def _header(parts: Sequence[Part], rules: Rules) -> dict[str, Any]:

@@ -39,6 +39,7 @@ def write_outcomes(
     rules: Rules,
     header: Mapping[str, Any],
     finished: bool,
+    strict: bool = False,
 ) -> Results:
     """Replaces results file and run file in `folder`.
 
@@ -49,13 +50,14 @@ def write_outcomes(
         rules: What they are judged by.
         header: What the run file says besides the drives.
         finished: Whether no more will come.
+        strict: Whether the originals' bookkeeping defects are kept.
 
     Returns:
         What the results file says.
     """
     sensors = next((o.sensors for o in outcomes if o.sensors), ())
     results = Results(
-        rules, total, tuple(outcome.record for outcome in outcomes), tuple(sensor_icons(sensors)), finished
+        rules, total, tuple(outcome.record for outcome in outcomes), tuple(sensor_icons(sensors)), finished, strict
     )
     drives = [outcome.details for outcome in outcomes]
     kilometres = sum(d["dense_length"] * d["completion"] / 1e5 for d in drives)

@@ -16,7 +16,15 @@ from lavsim.cache import replace_atomically
 from lavsim.errors import OutputError
 from leaderboard.criteria.base import charges_of
 from leaderboard.rules import Rules
-from leaderboard.score import SENSORS_INVALID, SIMULATION_CRASHED, RouteRecord, Scores, Summary, summarise
+from leaderboard.score import (
+    AGENT_FAILURES,
+    SENSORS_INVALID,
+    SIMULATION_CRASHED,
+    RouteRecord,
+    Scores,
+    Summary,
+    summarise,
+)
 
 RESULTS, RUN = "results.json", "run.json"
 
@@ -62,6 +70,7 @@ class Results:
         records: Those done, in order.
         sensors: Icons of the agent's sensors.
         finished: Whether no more will come.
+        strict: Whether the originals' bookkeeping defects are kept (`--strict-compat`).
     """
 
     rules: Rules
@@ -69,12 +78,13 @@ class Results:
     records: tuple[RouteRecord, ...] = ()
     sensors: tuple[str, ...] = ()
     finished: bool = False
+    strict: bool = False
 
     def with_record(self, record: RouteRecord) -> Results:
         return replace(self, records=(*self.records, record))
 
     def summary(self) -> Summary:
-        return summarise(self.records, self.total, self.rules)
+        return summarise(self.records, self.total, self.rules, self.strict)
 
     def entry_status(self) -> str:
         """How the run stands, in the words of its rules."""
@@ -88,10 +98,13 @@ class Results:
                 return "Crashed"
             if len(self.records) != self.total:
                 return "Finished with missing data"
-            return "Finished with agent errors" if any("Agent" in s for s in statuses) else "Finished"
+            return "Finished with agent errors" if any(map(self._is_agents_fault, statuses)) else "Finished"
         if any(SIMULATION_CRASHED in s for s in statuses):
             return "Crashed"
         return "Finished" if self.records and len(self.records) == self.total else "Invalid"
+
+    def _is_agents_fault(self, status: str) -> bool:
+        return "Agent" in status if self.rules.blames_agent else status.endswith(AGENT_FAILURES)
 
     def eligible(self) -> bool:
         """Whether the run may be entered."""
@@ -103,7 +116,7 @@ class Results:
         first = self.rules.generation == "1.0"
         summary = self.summary() if self.finished else None
         labels, values = self._values(summary) if summary else ([], [])
-        untouched = first and not self.finished and not self.records and not self.sensors
+        untouched = self.strict and first and not self.finished and not self.records and not self.sensors
         content: dict[str, Any] = {
             "_checkpoint": {
                 "global_record": self._global(summary) if summary else {},
@@ -145,14 +158,17 @@ class Results:
     def _global(self, summary: Summary) -> dict[str, Any]:
         first = self.rules.generation == "1.0"
         exceptions = [list(e) for e in summary.exceptions]
-        deviation = dict.fromkeys(_scores(summary.mean), "NaN") if summary.deviation is None else None
+        if summary.deviation is not None:
+            deviation: dict[str, Any] = _scores(summary.deviation)
+        else:
+            deviation = dict.fromkeys(_scores(summary.mean), "NaN" if self.strict else None)
         return {
             "index": -1,
             "route_id": -1,
             "status": summary.status,
             "infractions": {key: summary.rates[key] for key in self._keys()},
             ("scores" if first else "scores_mean"): _scores(summary.mean),
-            "scores_std_dev": deviation or _scores(summary.deviation or summary.mean),
+            "scores_std_dev": deviation,
             "meta": {
                 "total_length": summary.total_length,
                 "duration_game": summary.duration_game,

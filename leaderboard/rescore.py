@@ -50,14 +50,15 @@ def rescore(
     out = out or folder / f"rescored-{version}"
     outcomes = [_judge_again(old, record, rules, out, town_path) for record in old.records]
     claim_folder(out, overwrite)
+    strict = bool(old.run["config"].get("strict_compat")) and rules.version != "corrected"
     header = {
         **{key: old.run[key] for key in ("schema", "versions", "look", "seed", "seeds", "track")},
         "benchmark_id": f"{old.run['benchmark_id']}, judged by {version}",
-        "config": {**old.run["config"], "rules": version},
+        "config": {**old.run["config"], "rules": version, "strict_compat": strict},
         "rules": version,
         "driven_under": old.run["rules"],
     }
-    write_outcomes(out, outcomes, total, rules, header, finished=True)
+    write_outcomes(out, outcomes, total, rules, header, finished=True, strict=strict)
     made = Run.load(out)
     write_report(made)
     return made

@@ -14,6 +14,7 @@ from lavsim.map.planner import RoutePlanner, get_planner
 from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.scenarios.base import ScenarioSpec, make_scenario
+from lavsim.scenarios.place import Site
 from leaderboard.routes import RouteEntry, read_routes
 
 DETOUR = 3.0  # ways between key points longer than so many times the straight line are worth a word
@@ -136,5 +137,5 @@ def _check_scenario(spec: ScenarioSpec, town: TownMap, route: Route) -> list[str
             )
         return [f"{why}; it is ignored."]
     at = int(on_route[0])
-    reason = scenario.fits(town.waypoint_at(int(route.lane[at]), float(route.u[at])))
+    reason = scenario.fits(Site(town, route, at))
     return [] if reason is None else [f"{spec.type} does not fit at ({x:.1f}, {y:.1f}): {reason}."]

@@ -25,6 +25,7 @@ from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.scenarios.base import ScenarioSpec, make_scenario
+from lavsim.scenarios.place import Site
 from lavsim.types import LaneType, RoadOption
 from lavsim.world.weather import Weather, WeatherKeyframe
 from leaderboard.route_check import detours
@@ -184,7 +185,7 @@ def with_hazards(town: TownMap, entry: RouteEntry, count: int, draws: Draws) -> 
         one_lane = town.lanes.left[route.lane[at]] < 0
         from_left = one_lane and draws.uniform(len(specs), 1)[0] < 0.25
         spec = hazard_spec(route, at, len(specs) + 1, "left" if from_left else "right")
-        if make_scenario(spec).fits(town.waypoint_at(int(route.lane[at]), float(route.u[at]))) is None:
+        if make_scenario(spec).fits(Site(town, route, at)) is None:
             specs.append(spec)
     return replace(entry, scenarios=tuple(specs))
 

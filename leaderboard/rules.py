@@ -6,12 +6,15 @@ is given.
 
 Source: `carla-simulator/leaderboard`, branches `leaderboard-1.0`, `leaderboard-2.0`, `leaderboard-2.1`, and
 `Thinklab-SJTU/Bench2Drive`. The branch `master` carries the score of 2.0, not of 2.1.
+
+`corrected` is ours: 1.0 with its mistakes mended, as we see them. `docs/scoring.md` lists each; the criteria
+that differ lie in `leaderboard/criteria/corrected_*.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal, TypeVar
 
@@ -44,9 +47,13 @@ class Rules:
         lineage: Keys under which values of this version are found, the most specific first; the last is the generation.
         penalties: How events combine: a product of factors, or the reciprocal of one plus their coefficients.
         rounds: Whether scores are rounded to 6 digits, lengths, times and rates to 3 (the 2.x generation).
-        rates: Infractions per km as the sum of each route's own rate, or as one rate of the whole run.
+        rates: Infractions per km: the sum of each route's own rate; one rate of the whole run, but kilometres for
+            off-road; or plainly count by distance for all kinds.
         route_length: Length of a route in the record: of the line through its waypoints, or of the dense route.
         perfect: Whether a route without any entry is called Perfect.
+        missing_deviate: Whether drives that are missing count as 0 in standard deviations, as they do in means.
+        failure_first: Whether the agent's own failure stands in the status, whatever criteria ended the drive with.
+        blames_agent: Whether a status that only names the agent ("Agent got blocked") is an error of the agent.
         repetition_in_id: Whether a record's route id names the repetition.
         plan_spacing: Distance after which the agent's thinned plan keeps a point [m].
         plan_keeps_first: Whether the first point is kept by a rule of its own.
@@ -59,7 +66,7 @@ class Rules:
     lineage: tuple[str, ...]
     penalties: Literal["product", "reciprocal"]
     rounds: bool
-    rates: Literal["sum of routes", "whole run"]
+    rates: Literal["sum of routes", "whole run", "plain"]
     route_length: Literal["waypoints", "dense"]
     perfect: bool
     repetition_in_id: bool
@@ -68,6 +75,9 @@ class Rules:
     sensor_limits: Mapping[str, int] = field(repr=False)
     qualifier_limits: Mapping[str, int] = field(repr=False)
     mount_radius: float = 3.0
+    missing_deviate: bool = False
+    failure_first: bool = False
+    blames_agent: bool = True
 
     @property
     def generation(self) -> str:
@@ -140,6 +150,16 @@ RULES: Mapping[str, Rules] = MappingProxyType(
             _generation_2("2.0", ("2.0", "2.x")),
             _generation_2("2.1", ("2.1", "2.x"), "reciprocal"),
             _generation_2("bench2drive", ("bench2drive", "2.0", "2.x")),
+            replace(
+                _V1,
+                version="corrected",
+                lineage=("corrected", "1.0"),
+                rates="plain",
+                route_length="dense",
+                missing_deviate=True,
+                failure_first=True,
+                blames_agent=False,
+            ),
         )
     }
 )

@@ -14,9 +14,11 @@ from leaderboard.rules import Rules
 
 SIMULATION_CRASHED = "Simulation crashed"
 SENSORS_INVALID = "Agent's sensors were invalid"
+AGENT_FAILURES = ("Agent crashed", "Agent couldn't be set up")  # by the agent itself, not by how it drove
 
 OUTSIDE = "outside_route_lanes"
 SHORTEST = 0.001  # [km] taken for a run that came nowhere
+_METRES = 8  # word of an off-road text that says how far, split at single spaces
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class RouteRecord:
         duration_game: Simulated time [s].
         duration_system: Wall-clock time [s].
         metres_outside: Route metres driven outside the lanes [m].
+        read_back: Whether it was read from a file (resumed, merged): 1.0 then takes it for failed, see `summarise`.
     """
 
     index: int
@@ -56,6 +59,7 @@ class RouteRecord:
     duration_game: float = 0.0
     duration_system: float = 0.0
     metres_outside: float = 0.0
+    read_back: bool = field(default=False, compare=False)
 
     @property
     def reached(self) -> bool:
@@ -131,13 +135,15 @@ def status(reached: bool, infractions: Sequence[Infraction], failure: str | None
         infractions: All of the drive.
         failure: A reason from outside the criteria ("Agent crashed"). The last reason known is kept: this one first,
             then the route's timeout, then the criteria in their order, so blocked overrides all.
-        rules: Decide whether a clean drive is called Perfect.
+        rules: Decide whether a clean drive is called Perfect, and whether `failure` comes before all.
     """
     charges = charges_of(rules)
     known = in_order(infractions, rules)
     if reached:
         return "Perfect" if rules.perfect and not known else "Completed"
     reasons = [failure, *(charges[i.key].reason for i in known)]
+    if rules.failure_first and failure:
+        reasons = [failure]
     last = next((reason for reason in reversed(reasons) if reason), None)
     return f"Failed - {last}" if last else "Failed"
 
@@ -175,19 +181,37 @@ def record_of(
         route_length=shown(route_length),
         duration_game=shown(duration_game),
         duration_system=shown(duration_system),
-        metres_outside=round(sum(i.metres or 0.0 for i in infractions if i.key == OUTSIDE), 3),
+        metres_outside=sum(i.metres or 0.0 for i in infractions if i.key == OUTSIDE),
     )
 
 
-def summarise(records: Sequence[RouteRecord], total: int, rules: Rules) -> Summary:
-    """The summary of `records` out of `total` planned drives."""
+def metres_of_text(text: str) -> float:
+    """The metres that an off-road text tells [m]: its ninth word, rounded to 3 digits.
+
+    Raises:
+        ValueError, IndexError: there is no number.
+    """
+    return float(text.split(" ")[_METRES])
+
+
+def summarise(records: Sequence[RouteRecord], total: int, rules: Rules, strict: bool = False) -> Summary:
+    """The summary of `records` out of `total` planned drives.
+
+    Args:
+        records: Of the drives there are.
+        total: Planned drives.
+        rules: What they are judged by.
+        strict: Whether the originals' bookkeeping defects are kept. 1.0 compares statuses by identity, so each record
+            that was read back from a file counts as failed; 2.x takes metres off the road from their text.
+    """
     mean = Scores(*(_mean([_parts(r.scores)[k] for r in records], total, rules) for k in range(3)))
-    failed = [r for r in records if not r.reached]
+    by_identity = strict and rules.version == "1.0"
+    failed = [r for r in records if not r.reached or (by_identity and r.read_back)]
     return Summary(
-        status=_worst(records, rules),
+        status=_worst(records, failed, rules),
         mean=mean,
         deviation=_deviation(records, mean, total, rules),
-        rates=_rates(records, rules),
+        rates=_rates(records, rules, strict),
         total_length=_total([r.route_length for r in records], rules),
         duration_game=_total([r.duration_game for r in records], rules),
         duration_system=_total([r.duration_system for r in records], rules),
@@ -211,12 +235,17 @@ def _total(values: Sequence[float], rules: Rules) -> float:
 def _deviation(records: Sequence[RouteRecord], mean: Scores, total: int, rules: Rules) -> Scores | None:
     if total <= 1:
         return Scores(0.0, 0.0, 0.0) if rules.rounds else None
-    squares = [sum((_parts(r.scores)[k] - _parts(mean)[k]) ** 2 for r in records) / (total - 1) for k in range(3)]
+    missing = total - len(records) if rules.missing_deviate else 0
+    squares = [
+        (sum((_parts(r.scores)[k] - _parts(mean)[k]) ** 2 for r in records) + missing * _parts(mean)[k] ** 2)
+        / (total - 1)
+        for k in range(3)
+    ]
     return Scores(*(round(math.sqrt(s), 3) if rules.rounds else math.sqrt(s) for s in squares))
 
 
-def _worst(records: Sequence[RouteRecord], rules: Rules) -> str:
-    if any(not r.reached for r in records):
+def _worst(records: Sequence[RouteRecord], failed: Sequence[RouteRecord], rules: Rules) -> str:
+    if failed:
         return "Failed"
     return "Perfect" if rules.perfect and all(r.status == "Perfect" for r in records) else "Completed"
 
@@ -225,7 +254,7 @@ def _kilometres(record: RouteRecord) -> float:
     return record.scores.route / 100.0 * record.route_length / 1000.0
 
 
-def _rates(records: Sequence[RouteRecord], rules: Rules) -> dict[str, float]:
+def _rates(records: Sequence[RouteRecord], rules: Rules, strict: bool) -> dict[str, float]:
     """1.0: the SUM of the routes' own rates, routes without progress left out. 2.x: one rate of the whole run, with
     the off-road entry in kilometres driven outside, not divided by anything."""
     keys = list(charges_of(rules))
@@ -233,9 +262,16 @@ def _rates(records: Sequence[RouteRecord], rules: Rules) -> dict[str, float]:
         driven = [r for r in records if r.scores.route > 0.0]
         return {key: sum((len(r.infractions.get(key, ())) / _kilometres(r) for r in driven), 0.0) for key in keys}
     whole = plain_rates(records, max(sum(map(_kilometres, records)), SHORTEST), rules)
+    if rules.rates == "plain":
+        return whole
     rates = {key: round(rate, 3) for key, rate in whole.items()}
-    rates[OUTSIDE] = round(sum(r.metres_outside for r in records) / 1000.0, 3)
+    rates[OUTSIDE] = round(sum(_metres_outside(r, strict) for r in records) / 1000.0, 3)
     return rates
+
+
+def _metres_outside(record: RouteRecord, strict: bool) -> float:
+    texts = record.infractions.get(OUTSIDE, ())
+    return metres_of_text(texts[0]) if strict and texts else record.metres_outside
 
 
 def plain_rates(records: Sequence[RouteRecord], kilometres: float, rules: Rules) -> dict[str, float]:

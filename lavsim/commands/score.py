@@ -17,7 +17,7 @@ def score(
     routes: Annotated[str, typer.Option(help="Name of a bundled route file, or a path.")] = "quick",
     out: Annotated[Path, typer.Option(help="Folder for the run.")] = Path("runs/score"),
     agent_config: Annotated[str | None, typer.Option(help="Handed to the agent's setup.")] = None,
-    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1 or bench2drive.")] = "1.0",
+    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1, bench2drive or corrected.")] = "1.0",
     seed: Annotated[int, typer.Option(help="Root of everything that is drawn.")] = 0,
     route_ids: Annotated[str | None, typer.Option(help="Some routes of the file: '0,3-5'.")] = None,
     scenarios_json: Annotated[
@@ -38,6 +38,9 @@ def score(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
     drawings: Annotated[bool, typer.Option("--drawings", help="Keep what the agent shows of its inner view.")] = False,
+    strict_compat: Annotated[
+        bool, typer.Option("--strict-compat", help="Keep the bookkeeping defects of the original results file.")
+    ] = False,
 ) -> None:
     """Drive an agent over routes and score it by the leaderboard's rules."""
     from leaderboard.evaluator import EvaluationConfig, evaluate
@@ -63,6 +66,7 @@ def score(
         resume=resume,
         overwrite=overwrite,
         drawings=drawings,
+        strict_compat=strict_compat,
     )
     with ScoreBar() as bar:
         run = evaluate(config, bar.update)
@@ -75,7 +79,7 @@ def score(
 @app.command()
 def rescore(
     run: Annotated[Path, typer.Argument(help="Folder of a run.")],
-    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1 or bench2drive.")],
+    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1, bench2drive or corrected.")],
     out: Annotated[Path | None, typer.Option(help="Folder of the new run; below the old one by default.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
     town_path: TownPath = None,
@@ -95,13 +99,16 @@ def merge(
     out: Annotated[Path, typer.Option(help="Folder of the joined run.")],
     rules: Annotated[str | None, typer.Option(help="What results files were written under.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
+    strict_compat: Annotated[
+        bool, typer.Option("--strict-compat", help="Keep the bookkeeping defects of the original results file.")
+    ] = False,
 ) -> None:
     """Join runs that shared out the routes of one benchmark."""
     from leaderboard.merge import merge as join
     from leaderboard.run import Run
     from leaderboard.table import run_table
 
-    join(runs, out, rules, overwrite)
+    join(runs, out, rules, overwrite, strict_compat)
     print_rich(run_table(Run.load(out)))
     typer.echo(str(out / "results.json"))
 

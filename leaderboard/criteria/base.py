@@ -87,6 +87,7 @@ class Criterion(ABC):
         name: Its key in `CRITERIA`.
         order: Place among the criteria of a tick; also the order of factors in a product.
         applies: Rules versions or generations it belongs to.
+        instead_of: The criterion that it takes the place of where both belong; empty for none.
         charges: The kinds of infraction it reports.
         ending: Why the episode ends, once this criterion says it does.
     """
@@ -94,6 +95,7 @@ class Criterion(ABC):
     name: ClassVar[str]
     order: ClassVar[int]
     applies: ClassVar[tuple[str, ...]] = ("1.0", "2.x")
+    instead_of: ClassVar[str] = ""
     charges: ClassVar[tuple[Charge, ...]] = ()
 
     def __init__(self, rules: Rules) -> None:
@@ -115,8 +117,9 @@ class Criterion(ABC):
 
 def criteria_of(rules: Rules) -> list[type[Criterion]]:
     """The criteria of `rules` in the order they run."""
-    classes = [CRITERIA[key] for key in CRITERIA]
-    return sorted((c for c in classes if set(c.applies) & set(rules.lineage)), key=lambda c: c.order)
+    classes = [c for c in (CRITERIA[key] for key in CRITERIA) if set(c.applies) & set(rules.lineage)]
+    replaced = {c.instead_of for c in classes}
+    return sorted((c for c in classes if c.name not in replaced), key=lambda c: c.order)
 
 
 def charges_of(rules: Rules) -> dict[str, Charge]:

@@ -36,7 +36,7 @@ class Blocked(Criterion):
         self._suspended = False
 
     def update(self, snapshot: Snapshot) -> Sequence[Infraction]:
-        suspended = self._is_suspended(snapshot)
+        suspended = self._is_excused(snapshot)
         if suspended != self._suspended:
             self._suspended, self._moved = suspended, snapshot.tick
         if suspended:
@@ -51,7 +51,10 @@ class Blocked(Criterion):
         here = place(snapshot)
         return (Infraction("vehicle_blocked", snapshot.tick, here, f"Agent got blocked at {place_text(here)}"),)
 
-    def _is_suspended(self, snapshot: Snapshot) -> bool:
-        if self.rules.generation == "1.0" or not len(snapshot.hazards):
-            return False
-        return bool(np.any(snapshot.hazards["flags"] & HAZARD_OWNS_TIMER))
+    def _is_excused(self, snapshot: Snapshot) -> bool:
+        """Whether standing doesn't count now."""
+        return self.rules.generation != "1.0" and self._owns_timer(snapshot)
+
+    @staticmethod
+    def _owns_timer(snapshot: Snapshot) -> bool:
+        return len(snapshot.hazards) > 0 and bool(np.any(snapshot.hazards["flags"] & HAZARD_OWNS_TIMER))

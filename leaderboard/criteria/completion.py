@@ -17,7 +17,8 @@ from leaderboard.progress import PlaneProgress
 class Completion(Criterion):
     """Percent of the route's length behind the ego; ends the drive at the target.
 
-    The end is said one tick late: infractions of that extra tick still count, as in the original.
+    The end is said one tick late: infractions of that extra tick still count, as in the original. `corrected` says it
+    at once.
 
     Attributes:
         percent: Route completed, 0 to 100; exactly 100 only once the target is reached.
@@ -30,6 +31,7 @@ class Completion(Criterion):
     window = 2  # points ahead
     enough = 99.0  # [percent], strictly more
     radius = 10.0  # [m] from the last point, 3D, strictly less
+    late = {"1.0": True, "2.x": True, "corrected": False}  # noqa: RUF012 - whether the end is said a tick late
 
     percent: float = 0.0
     reached: bool = False
@@ -51,4 +53,5 @@ class Completion(Criterion):
                 self.percent = round(self.percent, 2)
         if self.percent > self.enough and float(np.linalg.norm(ego.xyz - self._target)) < self.radius:
             self.percent, self.reached = 100.0, True
+            self.ending = None if self.rules.require(self.late) else COMPLETED
         return ()

@@ -86,6 +86,7 @@ class OutsideRouteLanes(Criterion):
         return distance > width / 2.0 + self._allowed
 
     def _follow_lane(self, lane: int, lane_yaw: float, ego_yaw: float) -> None:
+        """Sets the flag by the lane under the ego and the one before; yaws [deg]."""
         lanes = self._town.lanes
         road, lane_id, in_junction = int(lanes.road_id[lane]), int(lanes.lane_id[lane]), bool(lanes.junction[lane] >= 0)
         before = self._before or (road, lane_id, in_junction, lane_yaw)

@@ -56,12 +56,11 @@ class StopSign(Criterion):
             self._target = self._find(ego)
             return ()
         self._stopped = self._stopped or ego.speed < self.rest
-        if self._is_first:
-            self._entered = self._entered or self._is_at_post(self._target, ego)
+        self._entered = self._entered or self._is_entered(self._target, ego)
         if self._affects(self._target, ego, self._points(ego)):
             return ()
         target, self._target = self._target, None
-        failed = not self._stopped and (self._entered if self._is_first else target != self._last_failed)
+        failed = not self._stopped and self._entered and (self._is_first or target != self._last_failed)
         self._stopped = self._entered = False
         if not failed:
             return ()
@@ -85,20 +84,27 @@ class StopSign(Criterion):
 
     def _affects(self, index: int, ego: EgoState, points: NDArray[np.float64]) -> bool:
         """Whether a point of the lane ahead lies in the sign's trigger box."""
-        sign, (x, y, _yaw, half_length, half_width) = self._signs[index], self._boxes[index]
+        sign = self._signs[index]
         if not self._is_near(sign, index, ego, points):
             return False
-        inside = (np.abs(points[:, 0] - x) < self._scale * half_length) & (
+        return bool(np.any(self._inside(index, points) & (np.abs(points[:, 2] - sign.z) < _LEVEL)))
+
+    def _inside(self, index: int, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """`(P,)` which points lie in the sign's trigger box; it isn't turned with its road."""
+        x, y, _yaw, half_length, half_width = self._boxes[index]
+        return (np.abs(points[:, 0] - x) < self._scale * half_length) & (
             np.abs(points[:, 1] - y) < self._scale * half_width
         )
-        return bool(np.any(inside & (np.abs(points[:, 2] - sign.z) < _LEVEL)))
 
     def _is_near(self, sign: Sign, index: int, ego: EgoState, points: NDArray[np.float64]) -> bool:
         if self._is_first:
             return math.hypot(sign.x - ego.x, sign.y - ego.y) < self._reach
         return math.hypot(*(self._boxes[index, :2] - points[0, :2])) < self._reach
 
-    def _is_at_post(self, index: int, ego: EgoState) -> bool:
+    def _is_entered(self, index: int, ego: EgoState) -> bool:
+        """Whether the ego came to the sign: 1.0 asks for the place around the post, 2.x for nothing."""
+        if not self._is_first:
+            return True
         sign, (_x, _y, _yaw, half_length, half_width) = self._signs[index], self._boxes[index]
         return abs(ego.x - sign.x) < half_length and abs(ego.y - sign.y) < half_width
 

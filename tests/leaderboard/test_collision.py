@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from lavsim.types import DT, ActorClass, Role
+from leaderboard.criteria.base import criteria_of
 from leaderboard.criteria.collision import Collision
 from leaderboard.rules import Rules
 from tests.leaderboard.worlds import V1, V20, drive, ego_at
@@ -30,7 +31,8 @@ def events(rules: Rules, contacts: list[tuple[float, float, int]], speed: float 
         x, other = by_tick.get(tick, (x, None))
         touches = () if other is None else (other,)
         snapshots.append(ego_at(x, tick=tick, speed=speed, others=OTHERS, touches=touches))
-    fired = {i.tick for i in drive(Collision(rules), snapshots)}
+    kind = next(c for c in criteria_of(rules) if "collisions_vehicle" in {charge.key for charge in c.charges})
+    fired = {i.tick for i in drive(kind(rules), snapshots)}
     return [int(round(t / DT) in fired) for t, _, _ in contacts]
 
 

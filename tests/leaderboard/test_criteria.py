@@ -182,7 +182,9 @@ def test_wrong_lane_costs_the_metres_driven_in_it_unless_a_hazard_allows_it() ->
 STOP_X = 40.0
 LIGHT = SimpleNamespace(
     signal_id=17, x=60.0, y=8.0, z=0.0, trigger=(STOP_X, 0.0, 0.0, 2.0, 2.0),
-    stop_lines=(SimpleNamespace(lane=0, road_id=0, lane_id=-1, x=STOP_X, y=0.0, yaw=0.0, width=3.5),),
+    stop_lines=(
+        SimpleNamespace(lane=0, road_id=0, lane_id=-1, u=STOP_X + 1000.0, x=STOP_X, y=0.0, yaw=0.0, width=3.5),
+    ),
 )  # fmt: skip
 HALF = EGO.size[0] / 2.0
 

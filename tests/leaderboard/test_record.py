@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,9 @@ GOLDEN = """{
                 "score_route": 100.0
             },
             "scores_std_dev": {
-                "score_composed": "NaN",
-                "score_penalty": "NaN",
-                "score_route": "NaN"
+                "score_composed": null,
+                "score_penalty": null,
+                "score_route": null
             },
             "status": "Completed"
         },
@@ -133,18 +134,16 @@ def test_file_of_1_0_to_the_byte(tmp_path: Path) -> None:
     made = Results(rules, 1, (record((1000, 100, "red", None), rules),), icons, finished=True)
     made.write(tmp_path)
     assert (tmp_path / "results.json").read_text() == GOLDEN
+    replace(made, strict=True).write(tmp_path)
+    assert (tmp_path / "results.json").read_text() == GOLDEN.replace("null", '"NaN"')
     assert [p.name for p in tmp_path.iterdir()] == ["results.json"]
 
 
 def test_file_of_1_0_before_the_first_route() -> None:
-    assert Results(RULES["1.0"], 4).to_json() == {
-        "_checkpoint": {"global_record": {}, "progress": [0, 4], "records": []},
-        "entry_status": "",
-        "eligible": "",
-        "labels": [],
-        "values": [],
-        "sensors": [],
-    }
+    empty = {"_checkpoint": {"global_record": {}, "progress": [0, 4], "records": []}}
+    empty |= {"labels": [], "values": [], "sensors": []}
+    assert Results(RULES["1.0"], 4).to_json() == empty | {"entry_status": "Started", "eligible": False}
+    assert Results(RULES["1.0"], 4, strict=True).to_json() == empty | {"entry_status": "", "eligible": ""}
 
 
 def test_values_of_worked_example_9() -> None:
