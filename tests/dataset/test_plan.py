@@ -1,0 +1,106 @@
+"""The plan of a dataset: pure, spread over its towns, and refused where it can't be meant."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lavsim.config import parse_config
+from lavsim.dataset.plan import CollectPlan
+from lavsim.errors import ConfigError, LavsimError, RouteError, UnknownName
+from lavsim.map.planner import get_planner
+from lavsim.map.town_map import load_town
+from lavsim.world.weather_redrawn import RedrawnWeather
+
+TOWNS = ("eu_small_a", "eu_small_b")
+PLAN = CollectPlan(towns=TOWNS, frames=100, seed=3, vehicles=(5, 9), walkers=(0, 3), length=(150.0, 400.0))
+
+
+def told(plan: CollectPlan, number: int) -> str:
+    episode = plan.episode(number)
+    return f"{episode.number} {episode.spec} {episode.spec.keypoints.tolist()} {episode.weather}"
+
+
+def test_towns_take_turns_and_every_draw_keeps_to_its_range() -> None:
+    for number in range(12):
+        episode = PLAN.episode(number)
+        spec = episode.spec
+        route = get_planner(load_town(spec.town)).trace(spec.keypoints)
+        assert spec.town == TOWNS[number % 2]
+        assert 150.0 <= route.length <= 400.0
+        assert spec.vehicles in range(5, 10)
+        assert spec.walkers in range(4)
+        assert isinstance(spec.weather, RedrawnWeather)
+        assert (episode.name, episode.max_ticks) == (f"ep_{number:06d}", 2000)
+
+
+def test_episodes_differ_in_seed_route_and_weather() -> None:
+    specs = [PLAN.episode(number).spec for number in range(0, 24, 2)]
+    assert len({spec.seed for spec in specs}) == len(specs)
+    assert len({spec.weather for spec in specs}) == len(specs)
+    assert len({spec.keypoints.tobytes() for spec in specs}) == len(specs)
+    assert len({spec.vehicles for spec in specs}) > 1
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**5), st.integers(0, 2**63))
+def test_an_episode_is_a_pure_function_of_plan_and_number(number: int, seed: int) -> None:
+    plan = CollectPlan(**{**PLAN.model_dump(), "seed": seed})
+    assert told(plan, number) == told(CollectPlan.from_json(json.loads(json.dumps(plan.to_json()))), number)
+
+
+def test_how_much_is_collected_changes_no_episode() -> None:
+    more = CollectPlan(**{**PLAN.model_dump(), "frames": 10**6, "episode_frames": 40})
+    assert told(more, 5) == told(PLAN, 5)
+
+
+def test_named_weathers_are_those_of_the_episodes() -> None:
+    plan = CollectPlan(towns=TOWNS[:1], frames=1, weathers=("ClearNoon", "HardRainSunset"), length=(150.0, 400.0))
+    names = [plan.episode(number).weather for number in range(12)]
+    assert set(names) == {"ClearNoon", "HardRainSunset"}
+    frames = plan.episode(names.index("ClearNoon")).spec.weather
+    assert isinstance(frames, tuple)
+    assert frames[0].weather.sun_altitude_angle == 75.0
+
+
+def test_counts_are_the_profiles_unless_given() -> None:
+    spec = CollectPlan(towns=TOWNS[:1], frames=1, length=(150.0, 400.0)).episode(0).spec
+    assert (spec.vehicles, spec.walkers, spec.traffic) == (None, None, "lav")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"towns": ()}, "towns"),
+        ({"frames": 0}, "frames: .*greater than or equal to 1, got 0"),
+        ({"episode_frames": 401}, "episode_frames: .*less than or equal to 400, got 401"),
+        ({"vehicles": (9, 5)}, "vehicles: a range must rise and not be negative"),
+        ({"weathers": ("ClearNon",)}, "no weather 'ClearNon'. Did you mean 'ClearNoon'"),
+        ({"traffic": "lavv"}, "no traffic profile 'lavv'. Did you mean 'lav'"),
+        ({"town": "x"}, "unknown key 'town'. Did you mean 'towns'"),
+        ({"noise": {"shortest": 3.0, "longest": 2.0}}, "noise: bursts of 3 to 2 s must fit into 6 s"),
+    ],
+)
+def test_a_plan_that_can_not_be_meant_is_refused_in_one_line(change: dict[str, object], message: str) -> None:
+    with pytest.raises(LavsimError, match=message):
+        parse_config(CollectPlan, {"towns": TOWNS, "frames": 1, **change})
+
+
+def test_towns_and_lengths_that_are_not_there_are_found_before_the_first_drive() -> None:
+    with pytest.raises(UnknownName, match=r"no town 'eu_smal_a'\. Did you mean 'eu_small_a'"):
+        CollectPlan(towns=("eu_smal_a",), frames=1).check()
+    with pytest.raises(RouteError, match="eu_small_a has no route of 90000 to 90001 m"):
+        CollectPlan(towns=TOWNS[:1], frames=1, length=(90000.0, 90001.0)).check()
+    assert PLAN.check() == {name: load_town(name).digest for name in TOWNS}
+
+
+def test_a_plan_of_another_schema_is_refused() -> None:
+    with pytest.raises(ConfigError, match="the plan has schema 99"):
+        CollectPlan.from_json({**PLAN.to_json(), "schema": 99})
+
+
+def test_routes_start_anywhere_in_town() -> None:
+    starts = np.array([PLAN.episode(2 * number).spec.keypoints[0, :2] for number in range(20)])
+    assert np.ptp(starts, axis=0).min() > 150.0
