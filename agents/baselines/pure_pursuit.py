@@ -10,9 +10,10 @@ import numpy as np
 
 from agents.baselines.route_agent import Pose, RouteAgent
 from agents.behavior.control import pedals
+from agents.behavior.manner import Manner
 from agents.behavior.path import STEP
 from agents.behavior.road import limits_along, stop_points
-from agents.behavior.speed import Manner, speed_profile, stopping
+from agents.behavior.speed import speed_profile, stopping
 from lavsim.types import Control, LightState
 from lavsim.world.dynamics import FRONT_LENGTH, MAX_WHEEL_ANGLE, REAR_LENGTH
 

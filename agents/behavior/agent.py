@@ -7,19 +7,24 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.behavior.control import Controller
 from agents.behavior.forecast import Forecaster
-from agents.behavior.hazards import Ego, Meeting, kerb_speed, meetings
+from agents.behavior.hazards import RANGE, Ego, meetings
 from agents.behavior.labels import labels_of
-from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
-from agents.behavior.road import StopPoint, TrackBook, limits_along, stop_points
-from agents.behavior.speed import Manner, speed_profile, stopping, time_to_cover, towards
+from agents.behavior.manner import Manner
+from agents.behavior.memory import Memory
+from agents.behavior.path import STEP, PathTracker, ReferencePath, path_of_plan
+from agents.behavior.road import StopPoint, limits_along, stop_points
+from agents.behavior.speed import speed_profile, stopping, time_to_cover, towards
 from agents.behavior.view import View, drawings_of
 from agents.privileged import PrivilegedAgent
 from lavsim.drawings import Drawing
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.types import Control, LightState, RoadOption
+
+Floats = NDArray[np.float64]
 
 LINE_GAP = 0.8  # [m] between bumper and stop line
 YELLOW_BRAKING = 3.0  # [m/s²] it stops at yellow if that much suffices
@@ -30,7 +35,6 @@ AT_REST = 0.05  # [m/s] below the 0.1 that counts as stopped
 SIGN_REACH = 2.5  # [m] before the end of its lane a stop counts for a stop sign, by the stricter rules of 2.x
 JUNCTION_OPTIONS = (RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT)
 DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] without a map
-SAME_LEVEL = 3.0  # [m] actors farther apart in z don't meet
 PATIENCE = 20.0  # [s] of standing for others after which it takes the smallest gaps
 
 
@@ -81,7 +85,8 @@ class Expert:
         self.signs = [stop for stop in stops if stop.light < 0]
         self.junctions = path.spans(JUNCTION_OPTIONS)
         self._tracker = PathTracker(path)
-        self._forecaster = Forecaster(TrackBook(town) if town is not None else None)
+        self._forecaster = Forecaster(town)
+        self._memory = Memory()
         self._controller = Controller()
         self._goes: set[int] = set()  # stop lines it decided to cross at yellow
         self._yellow_since: dict[int, float] = {}
@@ -103,16 +108,20 @@ class Expert:
         wanted = self.path.at(self.profile, ahead + 0.5)
         ego = Ego(s, x, y, float(yaw[0]), speed, max(wanted, 1.0), float(half[0]), float(half[1]))
 
-        near = (np.abs(xyz[:, 2] - xyz[0, 2]) < SAME_LEVEL) & (np.arange(len(xyz)) > 0)
-        forecast = self._forecaster.update(truth, np.flatnonzero(near))
-        kerb = kerb_speed(self.path, ego, forecast)
+        begin = max(int(s / STEP), 0)
+        window = self.path.xy[begin : begin + int(RANGE / STEP)]
+        forecast = self._forecaster.update(truth, self._memory.update(truth), window)
+        met = meetings(self.path, ego, forecast, self.manner, self._patience(truth, speed))
+        kerb = met.kerb
         slope = (wanted - self.path.at(self.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
         bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), self.manner), False)]
-        met = meetings(self.path, ego, forecast, self.manner, self._patience(truth, speed))
-        bounds += [(f"actor {int(truth['ids'][m.row])}", m.acceleration, math.isfinite(m.stop)) for m in met]
+        if len(met.acceleration):
+            worst = int(np.argmin(met.acceleration))
+            held_by = f"actor {int(truth['ids'][forecast.row[worst]])}"
+            bounds.append((held_by, float(met.acceleration[worst]), math.isfinite(met.stop[worst])))
         bounds.append(("light", self._lights(ego, truth["lights"]), True))
         bounds.append(("stop sign", self._stop_sign(ego), True))
-        bounds.append(("junction", self._junction(ego, met), True))
+        bounds.append(("junction", self._junction(ego, met.stop), True))
         bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner), True))
         self.reason, acceleration, self._stops = min(bounds, key=lambda bound: bound[1])
         self.view = View(truth, forecast, s, min(wanted, kerb), acceleration, self.reason)
@@ -178,7 +187,7 @@ class Expert:
         clear = time_to_cover(room + 2.0 * ego.half_length + 1.0, ego.speed, 1.5, ego.wanted)
         return needed > LAST_BRAKING or clear < YELLOW - since - 0.3
 
-    def _junction(self, ego: Ego, met: list[Meeting]) -> float:
+    def _junction(self, ego: Ego, stops: Floats) -> float:
         """Acceleration that keeps it out of a junction it could not leave [m/s²]."""
         front = ego.s + ego.half_length
         for begin, end in self.junctions:
@@ -187,10 +196,8 @@ class Expert:
                 continue
             if room > 40.0:
                 break
-            for meeting in met:
-                rear = meeting.stop - ego.half_length
-                if meeting.stop + ego.half_length > begin and rear < end + 0.5:
-                    distance = room - 0.5
-                    if ego.speed**2 <= 2.0 * 4.0 * max(distance, 0.3):
-                        return stopping(ego.speed, distance, self.manner)
+            if np.any((stops + ego.half_length > begin) & (stops - ego.half_length < end + 0.5)):
+                distance = room - 0.5
+                if ego.speed**2 <= 2.0 * 4.0 * max(distance, 0.3):
+                    return stopping(ego.speed, distance, self.manner)
         return math.inf

@@ -5,24 +5,36 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.behavior.road import TRACK_STEP, Track, TrackBook
-from lavsim.geometry import wrap_angle
+from agents.behavior.memory import ACCELERATION, SPEED, TURN
+from agents.behavior.ways import MAX_LANES, MAX_WAYS, Ways, find_ways, roll_way, ways_of
 from lavsim.kernel import kernel
-from lavsim.types import ActorClass, LightState, RoadOption, VehicleLight
+from lavsim.map.town_map import TownMap
+from lavsim.types import ActorClass, VehicleLight
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 DT = 0.3  # [s] between forecast poses
 COUNT = 21  # 0 to 6 s
 TIMES: Floats = np.arange(COUNT, dtype=np.float64) * DT
+HORIZON = DT * (COUNT - 1)
 ON_LANE = 1.3  # [m] off the centre, and …
 ALONG_LANE = 0.6  # [rad] off the direction of a lane that a vehicle is taken to follow
-MEMORY = 0.3  # [s] over which measured accelerations and turn rates are averaged
+MOVING = 0.3  # [m/s]
+SAME_LEVEL = 3.0  # [m] actors farther apart in z don't meet
+DRIFT = 0.4  # [m/s] sideways, away from its lane's middle: it changes lanes
+RUNS_RED = 5.0  # [m/s²] who would have to brake harder than that for a red light doesn't
+CHANGES_LAST = 1.5  # [s] for which changes of speed go on, but braking goes on to a stop
+LANE_WIDTH = 3.5  # [m] by which who drifts is taken to move over
+
+_WALKER, _PROP = int(ActorClass.WALKER), int(ActorClass.PROP)
+_LEFT, _RIGHT = int(VehicleLight.LEFT_BLINKER), int(VehicleLight.RIGHT_BLINKER)
 
 
 @dataclass
@@ -34,143 +46,163 @@ class Forecast:
         half: (H, 2) half length and width [m].
         speed: (H,) now [m/s].
         row: (H,) row of the actor in the readings.
-        is_walker: (H,).
-        is_prop: (H,) things that never move.
+        kind: (H,) `ActorClass`.
     """
 
     poses: Floats
     half: Floats
     speed: Floats
-    row: NDArray[np.int64]
-    is_walker: NDArray[np.bool_]
-    is_prop: NDArray[np.bool_]
+    row: Ints
+    kind: NDArray[np.uint8]
+
+    @cached_property
+    def is_prop(self) -> NDArray[np.bool_]:
+        """(H,) things that never move."""
+        return self.kind == _PROP
 
 
 class Forecaster:
-    """Keeps the last speeds and headings of actors by id, to tell who brakes and who turns."""
+    """Tells the ways of others on a town's lanes; without a town all move freely."""
 
-    def __init__(self, book: TrackBook | None) -> None:
-        self._book = book
-        self._past: dict[int, tuple[float, float, float, float]] = {}  # id: speed, yaw, acceleration, turn rate
-        self._time = -math.inf
+    def __init__(self, town: TownMap | None) -> None:
+        self._town = town
+        self._ways: Ways = ways_of(town)
 
-    def update(self, truth: Mapping[str, Any], rows: NDArray[np.int64]) -> Forecast:
-        """Forecast of the actors in `rows` of the truth reading."""
-        ids, classes = truth["ids"][rows], truth["classes"][rows]
-        xy, yaw = truth["xyz"][rows, :2], truth["yaw"][rows]
-        velocity = truth["velocities"][rows, :2]
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        half = truth["sizes"][rows, :2] / 2.0
-        acceleration, turn = self._changes(ids.tolist(), speed.tolist(), yaw.tolist(), float(truth["time"]))
-        is_walker = classes == ActorClass.WALKER
-        is_prop = classes == ActorClass.PROP
-        is_vehicle = ~(is_walker | is_prop)
-        # Vehicles slow down as they do now; nobody is taken to speed up for long.
-        travelled = _travelled(speed, np.clip(acceleration, -6.0, 1.5))
-        lights = truth["lights"]
-        signals = truth["vehicle_lights"][rows]
-        chosen: list[tuple[int, Track | None, float, float]] = []  # actor, track, place on it, offset
-        hits = None
-        if self._book is not None and is_vehicle.any():
-            hits = self._book.town.nearest(xy)
-        for i in range(len(rows)):
-            if hits is None or not is_vehicle[i] or speed[i] < 0.3:
-                chosen.append((i, None, 0.0, 0.0))
-                continue
-            off = abs(float(wrap_angle(yaw[i] - hits.yaw[i])))
-            if hits.lane[i] < 0 or abs(hits.offset[i]) > ON_LANE or off > ALONG_LANE:
-                chosen.append((i, None, 0.0, 0.0))
-                continue
-            assert self._book is not None
-            u = float(hits.u[i])
-            ways = _intended(self._book.of_lane(int(hits.lane[i])), int(signals[i]))
-            chosen += [(i, way, u, float(hits.offset[i])) for way in ways]
-        poses = np.empty((len(chosen), COUNT, 3))
-        index = np.array([c[0] for c in chosen], dtype=np.int64)
-        for h, (i, track, u, offset) in enumerate(chosen):
-            if track is None:
-                rate = turn[i] if is_vehicle[i] and speed[i] > 1.0 else 0.0
-                heading = math.atan2(velocity[i, 1], velocity[i, 0]) if is_walker[i] and speed[i] > 0.1 else yaw[i]
-                _roll_free(xy[i, 0], xy[i, 1], heading, rate, travelled[i], TIMES, poses[h])
-            else:
-                limit = math.inf
-                for gate, light in track.gates:
-                    room = gate - half[i, 0] - u
-                    if room > -0.5 and lights[light] == LightState.RED:
-                        limit = max(room, 0.0)
-                        break
-                _roll_track(track.poses, u, offset, travelled[i], limit, TRACK_STEP, TIMES, poses[h])
-        return Forecast(poses, half[index], speed[index], rows[index], is_walker[index], is_prop[index])
+    def update(self, truth: Mapping[str, Any], memory: Floats, window: Floats) -> Forecast:
+        """Forecast of all who can come near the ego's way within the horizon.
 
-    def _changes(self, ids: list[int], speeds: list[float], yaws: list[float], time: float) -> tuple[Floats, Floats]:
-        """Averaged accelerations [m/s²] and turn rates [rad/s] since the last calls."""
-        dt = time - self._time
-        self._time = time
-        acceleration, turn = np.zeros(len(ids)), np.zeros(len(ids))
-        share = min(max(dt, 0.0) / MEMORY, 1.0)
-        past, self._past = self._past, {}
-        for k, (actor, speed, yaw) in enumerate(zip(ids, speeds, yaws, strict=True)):
-            before = past.get(actor)
-            if before is not None and 0.0 < dt < 1.0:
-                a = before[2] + share * ((speed - before[0]) / dt - before[2])
-                w = before[3] + share * (math.remainder(yaw - before[1], 2.0 * math.pi) / dt - before[3])
-                acceleration[k], turn[k] = a, w
-            self._past[actor] = (speed, yaw, float(acceleration[k]), float(turn[k]))
-        return acceleration, turn
-
-
-def _intended(tracks: tuple[Track, ...], signals: int) -> tuple[Track, ...]:
-    """Those of `tracks` that fit the indicators; all where none fits."""
-    if len(tracks) == 1 or tracks[0].is_inside:
-        return tracks
-    if signals & VehicleLight.LEFT_BLINKER:
-        fitting = tuple(t for t in tracks if t.turn == RoadOption.LEFT)
-    elif signals & VehicleLight.RIGHT_BLINKER:
-        fitting = tuple(t for t in tracks if t.turn == RoadOption.RIGHT)
-    else:
-        fitting = tuple(t for t in tracks if t.turn in (RoadOption.STRAIGHT, RoadOption.LANEFOLLOW))
-    return fitting or tracks
-
-
-def _travelled(speed: Floats, acceleration: Floats) -> Floats:
-    """Distance (N, COUNT) [m] at the forecast times; changes of speed last 1.5 s, braking down to a stop."""
-    v, a = speed[:, None], acceleration[:, None]
-    span = np.minimum(TIMES[None], 1.5)
-    braking = np.where(a < -0.3, v / np.maximum(-a, 0.3), np.inf)
-    span = np.minimum(span, braking)
-    level = np.maximum(v + a * span, 0.0)
-    return np.maximum(v * span + 0.5 * a * span**2 + level * (TIMES[None] - span) * (TIMES[None] > span), 0.0)
+        Args:
+            truth: The reading.
+            memory: (N, 5) what is remembered of its actors.
+            window: (S, 2) the ego's way ahead [m].
+        """
+        xyz, classes, sizes = truth["xyz"], truth["classes"], truth["sizes"]
+        rows, moving = _relevant(xyz, classes, sizes, memory, window)
+        hits = np.full((len(rows), 4), -1.0)  # lane, u, offset, yaw
+        if self._town is not None and len(moving):
+            found = self._town.nearest(xyz[rows[moving], :2])
+            hits[moving, 0], hits[moving, 1], hits[moving, 2], hits[moving, 3] = (
+                found.lane, found.u, found.offset, found.yaw,
+            )  # fmt: skip
+        count = len(rows) + len(moving) * (MAX_WAYS - 1)
+        poses, index = np.empty((count, COUNT, 3)), np.empty(count, np.int64)
+        made = _roll_all(
+            rows, hits, xyz, truth["yaw"], truth["velocities"], classes, sizes, memory, truth["vehicle_lights"],
+            truth["lights"], self._ways, poses, index,
+        )  # fmt: skip
+        row = rows[index[:made]]
+        return Forecast(poses[:made], sizes[row, :2] / 2.0, memory[row, SPEED], row, classes[row])
 
 
 @kernel
-def _roll_free(x: float, y: float, yaw: float, rate: float, travelled: Floats, times: Floats, out: Floats) -> None:
+def _relevant(
+    xyz: Floats, classes: NDArray[np.uint8], sizes: NDArray[np.float32], memory: Floats, window: Floats
+) -> tuple[Ints, Ints]:
+    """Rows of those who can come to the box around the way, and which of these are vehicles that move."""
+    x0, x1, y0, y1 = math.inf, -math.inf, math.inf, -math.inf
+    for k in range(len(window)):
+        x0, x1 = min(x0, window[k, 0]), max(x1, window[k, 0])
+        y0, y1 = min(y0, window[k, 1]), max(y1, window[k, 1])
+    rows, moving = np.empty(len(xyz), np.int64), np.empty(len(xyz), np.int64)
+    count, movers = 0, 0
+    for k in range(1, len(xyz)):
+        if abs(xyz[k, 2] - xyz[0, 2]) >= SAME_LEVEL:
+            continue
+        speed = memory[k, SPEED]
+        reach = HORIZON * (speed + CHANGES_LAST * max(min(memory[k, ACCELERATION], 1.5), 0.0))
+        reach += 0.5 * (sizes[k, 0] + sizes[k, 1]) + 4.0
+        x, y = xyz[k, 0], xyz[k, 1]
+        if x < x0 - reach or x > x1 + reach or y < y0 - reach or y > y1 + reach:
+            continue
+        if classes[k] < _WALKER and speed >= MOVING:
+            moving[movers] = count
+            movers += 1
+        rows[count] = k
+        count += 1
+    return rows[:count], moving[:movers]
+
+
+@kernel
+def _roll_all(
+    rows: Ints,
+    hits: Floats,
+    xyz: Floats,
+    yaw: Floats,
+    velocities: Floats,
+    classes: NDArray[np.uint8],
+    sizes: NDArray[np.float32],
+    memory: Floats,
+    signals: NDArray[np.int32],
+    lights: NDArray[np.uint8],
+    ways: Ways,
+    poses: Floats,
+    index: Ints,
+) -> int:
+    """Fills `poses` and `index` (which of `rows` each belongs to); returns how many."""
+    made = 0
+    travelled = np.empty(COUNT)
+    chains, sizes_of = np.empty((MAX_WAYS, MAX_LANES), np.int64), np.empty(MAX_WAYS, np.int64)
+    for i in range(len(rows)):
+        row = rows[i]
+        speed, kind = memory[row, SPEED], classes[row]
+        _cover(speed, min(max(memory[row, ACCELERATION], -6.0), 1.5), travelled)
+        off = yaw[row] - hits[i, 3]
+        off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
+        if hits[i, 0] < 0.0 or abs(hits[i, 2]) > ON_LANE or abs(off) > ALONG_LANE:
+            rate = memory[row, TURN] if kind < _WALKER and speed > 1.0 else 0.0
+            heading = yaw[row]
+            if kind == _WALKER and speed > 0.1:
+                heading = math.atan2(velocities[row, 1], velocities[row, 0])
+            _roll_free(xyz[row, 0], xyz[row, 1], heading, rate, travelled, poses[made])
+            index[made] = i
+            made += 1
+            continue
+        found = find_ways(
+            ways, int(hits[i, 0]), signals[row] & _LEFT != 0, signals[row] & _RIGHT != 0, chains, sizes_of
+        )
+        sideways = speed * math.sin(off)
+        offset = hits[i, 2]
+        drifts = abs(sideways) > DRIFT and (offset * sideways > 0.0 or abs(offset) < 0.3)
+        drifts = drifts and ways.junction[int(hits[i, 0])] < 0
+        goal = math.copysign(LANE_WIDTH, sideways) if drifts else 0.0
+        for k in range(found):
+            nose = hits[i, 1] + 0.5 * sizes[row, 0]
+            roll_way(
+                ways, chains[k], sizes_of[k], hits[i, 1], nose, offset, goal, max(abs(sideways), 0.5), speed, travelled,
+                TIMES, lights, RUNS_RED, poses[made],
+            )  # fmt: skip
+            index[made] = i
+            made += 1
+    return made
+
+
+@kernel
+def _cover(speed: float, acceleration: float, travelled: Floats) -> None:
+    """Distance [m] at the forecast times: nobody speeds up for long, and who brakes may come to rest."""
+    span = CHANGES_LAST
+    if acceleration < -0.3:
+        span = min(span, -speed / acceleration)
+    level = max(speed + acceleration * span, 0.0)
+    for k in range(COUNT):
+        t = TIMES[k]
+        if t <= span:
+            travelled[k] = max(speed * t + 0.5 * acceleration * t * t, 0.0)
+        else:
+            travelled[k] = max(speed * span + 0.5 * acceleration * span * span + level * (t - span), 0.0)
+
+
+@kernel
+def _roll_free(x: float, y: float, yaw: float, rate: float, travelled: Floats, out: Floats) -> None:
     """Constant turn rate for 2 s, then straight."""
     px, py, heading = x, y, yaw
     out[0, 0], out[0, 1], out[0, 2] = px, py, heading
+    cos, sin = math.cos(heading), math.sin(heading)
     for k in range(1, len(travelled)):
         step = travelled[k] - travelled[k - 1]
-        turned = rate * (times[k] - times[k - 1]) if times[k] <= 2.0 else 0.0
-        px += step * math.cos(heading + 0.5 * turned)
-        py += step * math.sin(heading + 0.5 * turned)
-        heading += turned
+        if rate != 0.0:
+            turned = rate * DT if TIMES[k] <= 2.0 else 0.0
+            cos, sin = math.cos(heading + 0.5 * turned), math.sin(heading + 0.5 * turned)
+            heading += turned
+        px += step * cos
+        py += step * sin
         out[k, 0], out[k, 1], out[k, 2] = px, py, heading
-
-
-@kernel
-def _roll_track(
-    poses: Floats, u: float, offset: float, travelled: Floats, limit: float, step: float, times: Floats, out: Floats
-) -> None:
-    """Along a track from place `u`, not beyond `limit` metres; the offset from its centre fades."""
-    last = len(poses) - 1
-    for k in range(len(travelled)):
-        at = min((u + min(travelled[k], limit)) / step, last - 1e-6)
-        i = int(at)
-        share = at - i
-        a, b = poses[i], poses[i + 1]
-        turned = b[2] - a[2]
-        turned -= 2.0 * math.pi * math.floor(turned / (2.0 * math.pi) + 0.5)
-        heading = a[2] + turned * share
-        aside = offset * math.exp(-times[k] / 2.0)
-        out[k, 0] = a[0] + (b[0] - a[0]) * share - aside * math.sin(heading)
-        out[k, 1] = a[1] + (b[1] - a[1]) * share + aside * math.cos(heading)
-        out[k, 2] = heading

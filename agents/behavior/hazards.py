@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.behavior.forecast import TIMES, Forecast
+from agents.behavior.manner import Manner, Pace
 from agents.behavior.path import STEP, ReferencePath
-from agents.behavior.speed import Manner, following, merging, stopping, time_to_cover
+from agents.behavior.speed import follow, merge, stop_within, time_to_cover
 from lavsim.kernel import kernel
+from lavsim.types import ActorClass
 
 Floats = NDArray[np.float64]
 
@@ -26,10 +28,12 @@ WALKER_GAP = 2.0
 NOMINAL = 1.6  # [m/s²] at which the ego would go
 CREEP = 6.0  # [m/s] past walkers who stand at the kerb and face the road
 KERB_REACH = 6.0  # [m] from the path
+KERB_AHEAD = 45.0  # [m]
+
+_WALKER, _PROP = int(ActorClass.WALKER), int(ActorClass.PROP)
 
 
-@dataclass(frozen=True)
-class Ego:
+class Ego(NamedTuple):
     """The ego on its path: place s [m], speed [m/s], the profile's speed ahead, and its half box [m]."""
 
     s: float
@@ -42,23 +46,24 @@ class Ego:
     half_width: float
 
 
-@dataclass(frozen=True)
-class Meeting:
-    """What one forecast means for the ego.
+class Meetings(NamedTuple):
+    """What the forecasts mean for the ego, one row each.
 
     Attributes:
-        acceleration: Largest acceleration it leaves [m/s²].
-        stop: Place at which the ego would come to rest because of it [m along the path]; inf when it keeps moving.
-        row: Row of the actor in the readings.
+        acceleration: (H,) largest acceleration it leaves [m/s²]; inf where it leaves all.
+        stop: (H,) place at which the ego would come to rest because of it [m along the path]; inf when it keeps moving.
+        first: (H,) place at which the ego would touch it where it is now [m along the path]; inf if nowhere.
+        kerb: Speed that respects walkers who stand beside the path and look across it [m/s]; inf without any.
     """
 
-    acceleration: float
-    stop: float
-    row: int
+    acceleration: Floats
+    stop: Floats
+    first: Floats
+    kerb: float
 
 
-def meetings(path: ReferencePath, ego: Ego, forecast: Forecast, manner: Manner, patience: float) -> list[Meeting]:
-    """All forecasts that touch the ego's way within the horizon.
+def meetings(path: ReferencePath, ego: Ego, forecast: Forecast, manner: Manner, patience: float) -> Meetings:
+    """What all forecasts mean that touch the ego's way within the horizon.
 
     Args:
         path: The ego's path.
@@ -67,119 +72,172 @@ def meetings(path: ReferencePath, ego: Ego, forecast: Forecast, manner: Manner, 
         manner: How it drives.
         patience: 1 at first; falls to 0 while the ego stands for others, and narrows the gaps it waits for.
     """
-    start = max(int(ego.s / STEP), 0)
-    stop = min(start + int(RANGE / STEP), len(path))
-    if stop - start < 2 or not len(forecast.row):
-        return []
-    xy, heading = path.xy[start:stop].copy(), path.heading[start:stop].copy()
-    xy[0], heading[0] = (ego.x, ego.y), heading[0] + math.remainder(ego.yaw - heading[0], 2.0 * math.pi)
-    margin = np.where(forecast.is_walker, WALKER_MARGIN, np.where(forecast.is_prop, PROP_MARGIN, VEHICLE_MARGIN))
-    margin = np.where((forecast.speed < 0.2) & ~forecast.is_walker, PROP_MARGIN, margin)
-    first, last = sweep(xy, heading, ego.half_length, ego.half_width, forecast.poses, forecast.half, margin)
-    base = start * STEP
-    found: list[Meeting] = []
-    for h in np.flatnonzero((first >= 0.0).any(axis=1)):
-        when = np.flatnonzero(first[h] >= 0.0)
-        if _comes_from_behind(ego, forecast, int(h)):
-            continue
-        meeting = _judge(
-            path,
-            ego,
-            forecast,
-            int(h),
-            when,
-            base + STEP * first[h, when],
-            base + STEP * last[h, when],
-            manner,
-            patience,
-        )
-        if meeting is not None:
-            found.append(meeting)
-    return found
+    begin, xy, heading = window_of(path, ego)
+    count = len(forecast.row)
+    if len(xy) < 2 or not count:
+        none = np.full(count, math.inf)
+        return Meetings(none, none, none, math.inf)
+    return Meetings(
+        *_meet(begin, xy, heading, path.yaw[begin:], ego, forecast.poses, forecast.half, forecast.speed, forecast.kind,
+               manner.pace, patience)
+    )  # fmt: skip
 
 
-def _judge(
-    path: ReferencePath,
+def window_of(path: ReferencePath, ego: Ego) -> tuple[int, Floats, Floats]:
+    """Number of the first sample at the ego, and places and headings of the way ahead, the first one the ego's own."""
+    begin = max(int(ego.s / STEP), 0)
+    end = min(begin + int(RANGE / STEP), len(path))
+    xy, heading = path.xy[begin:end].copy(), path.heading[begin:end].copy()
+    if len(xy):
+        xy[0] = ego.x, ego.y
+        heading[0] += math.remainder(ego.yaw - heading[0], 2.0 * math.pi)
+    return begin, xy, heading
+
+
+@kernel
+def _meet(
+    begin: int,
+    xy: Floats,
+    heading: Floats,
+    course: Floats,
     ego: Ego,
-    forecast: Forecast,
-    h: int,
-    when: NDArray[np.int64],
+    poses: Floats,
+    half: Floats,
+    speed: Floats,
+    kind: NDArray[np.uint8],
+    pace: Pace,
+    patience: float,
+) -> tuple[Floats, Floats, Floats, float]:
+    count = len(poses)
+    margin = np.empty(count)
+    for h in range(count):
+        if kind[h] == _WALKER:
+            margin[h] = WALKER_MARGIN
+        elif kind[h] == _PROP or speed[h] < 0.2:
+            margin[h] = PROP_MARGIN
+        else:
+            margin[h] = VEHICLE_MARGIN
+    first, last = sweep(xy, heading, ego.half_length, ego.half_width, poses, half, margin)
+    accelerations, stops, touches = np.full(count, math.inf), np.full(count, math.inf), np.full(count, math.inf)
+    kerb = math.inf
+    base = begin * STEP
+    for h in range(count):
+        if kind[h] == _WALKER and speed[h] < 0.3:
+            kerb = min(kerb, _kerb_speed(xy, poses[h, 0]))
+        when = -1
+        for k in range(poses.shape[1]):
+            if first[h, k] >= 0.0:
+                when = k
+                break
+        if when < 0 or _comes_from_behind(ego, poses[h, 0], half[h, 0], speed[h]):
+            continue
+        if when == 0:
+            touches[h] = base + STEP * first[h, 0]
+        direction = course[min(int(first[h, when]), len(course) - 1)]
+        accelerations[h], stops[h] = _judge(
+            base, direction, ego, poses[h], speed[h], kind[h] == _WALKER, when, first[h], last[h], pace, patience
+        )
+    return accelerations, stops, touches, kerb
+
+
+@kernel
+def _judge(
+    base: float,
+    course: float,
+    ego: Ego,
+    poses: Floats,
+    speed: float,
+    is_walker: bool,
+    when: int,
     first: Floats,
     last: Floats,
-    manner: Manner,
+    pace: Pace,
     patience: float,
-) -> Meeting | None:
-    speed, row = float(forecast.speed[h]), int(forecast.row[h])
-    is_walker = bool(forecast.is_walker[h])
-    course = path.at(path.yaw, float(first[0]))
-    facing = math.cos(float(forecast.poses[h, when[0], 2]) - course)
-    gap_now = float(first[0]) - ego.s
-    if when[0] and gap_now < 0.6 and _ahead_of(ego, forecast.poses[h, when[0]]) < 0.3 * ego.half_length:
-        return None  # would run into the ego's side or back where it stands now: going on is all it can do
+) -> tuple[float, float]:
+    """Acceleration that a forecast leaves, and where the ego would come to rest."""
+    facing = math.cos(poses[when, 2] - course)
+    place = base + STEP * first[when]
+    gap_now = place - ego.s
+    if when and gap_now < 0.6 and _ahead_of(ego, poses[when]) < 0.3 * ego.half_length:
+        return math.inf, math.inf  # would run into the ego's side or back: going on is all it can do
     if not is_walker and (speed < 0.3 or facing > 0.7):
-        leader = speed * max(facing, 0.0) if speed >= 0.3 else 0.0
-        if when[0]:  # comes into the way ahead: only if the ego isn't well past by then
-            reach = time_to_cover(gap_now + 2.0 * ego.half_length, ego.speed, NOMINAL, ego.wanted)
-            if reach + BEFORE < TIMES[when[0]]:
-                return None
-            acceleration = merging(ego.speed, first - ego.s, TIMES[when], leader)
-        else:
-            acceleration = following(ego.speed, gap_now, leader, ego.wanted, manner)
-        # Where the ego ends up if the other goes on as forecast to the end.
-        rests = float(first[-1]) - manner.standstill if leader < 2.5 else math.inf
-        return Meeting(acceleration, rests, row)
+        return _behind(base, ego, speed, facing, when, first, pace)
     before, after = (WALKER_BEFORE, WALKER_AFTER) if is_walker else (BEFORE, AFTER)
-    low, high = float(first.min()), float(last.max())
-    arrives, leaves = float(TIMES[when[0]]), float(TIMES[when[-1]]) + 0.3
-    if is_walker and when[-1] == len(TIMES) - 1:
+    low, high, until = math.inf, -math.inf, when
+    for k in range(when, len(first)):
+        if first[k] >= 0.0:
+            low, high, until = min(low, base + STEP * first[k]), max(high, base + STEP * last[k]), k
+    arrives, leaves = TIMES[when], TIMES[until] + 0.3
+    if is_walker and until == len(first) - 1:
         leaves = math.inf
     top = max(ego.wanted, 2.0)
     reach = time_to_cover(low - ego.s, ego.speed, NOMINAL, top)
     clear = time_to_cover(high - ego.s + 0.3, ego.speed, NOMINAL, top)
     if clear + before * (0.4 + 0.6 * patience) < arrives or reach > leaves + after:
-        return None
+        return math.inf, math.inf
     gap = low - ego.s - (WALKER_GAP if is_walker else WALL_GAP * (0.3 + 0.7 * patience))
-    inside = low - ego.s < 0.05
-    if inside and arrives > 0.3 and clear < arrives + 0.2:
-        return None  # in the middle of it and out before the other is there
+    if low - ego.s < 0.05 and arrives > 0.3 and clear < arrives + 0.2:
+        return math.inf, math.inf  # in the middle of it and out before the other is there
     if gap <= 0.2 and low - ego.s > 0.2:
         gap = 0.2 if ego.speed < 1.0 else low - ego.s - 0.15
-    return Meeting(stopping(ego.speed, gap, manner), max(low - WALL_GAP, ego.s), row)
+    return stop_within(ego.speed, gap, pace), max(low - WALL_GAP, ego.s)
 
 
+@kernel
+def _behind(
+    base: float, ego: Ego, speed: float, facing: float, when: int, first: Floats, pace: Pace
+) -> tuple[float, float]:
+    """The same for somebody who drives ahead on the path, stands there, or comes onto it ahead."""
+    leader = speed * max(facing, 0.0) if speed >= 0.3 else 0.0
+    gap_now = base + STEP * first[when] - ego.s
+    final = first[when]
+    if when:  # comes into the way ahead: only if the ego isn't well past by then
+        reach = time_to_cover(gap_now + 2.0 * ego.half_length, ego.speed, NOMINAL, ego.wanted)
+        if reach + BEFORE < TIMES[when]:
+            return math.inf, math.inf
+    lowest = math.inf
+    for k in range(when, len(first)):
+        if first[k] >= 0.0:
+            final = first[k]
+            if when:
+                lowest = min(lowest, merge(ego.speed, base + STEP * first[k] - ego.s - 1.5 - 0.6 * leader, TIMES[k]))
+    if not when:
+        lowest = follow(ego.speed, gap_now, leader, ego.wanted, pace)
+    # Where the ego ends up if the other goes on as forecast to the end.
+    return lowest, base + STEP * final - pace.standstill if leader < 2.5 else math.inf
+
+
+@kernel
 def _ahead_of(ego: Ego, pose: Floats) -> float:
     """How far ahead of the ego's centre a place is, along its heading [m]."""
     return float((pose[0] - ego.x) * math.cos(ego.yaw) + (pose[1] - ego.y) * math.sin(ego.yaw))
 
 
-def _comes_from_behind(ego: Ego, forecast: Forecast, h: int) -> bool:
+@kernel
+def _comes_from_behind(ego: Ego, pose: Floats, half_length: float, speed: float) -> bool:
     """Whether the other follows the ego: its business to keep off."""
-    x, y, yaw = forecast.poses[h, 0]
-    ahead = _ahead_of(ego, forecast.poses[h, 0])
-    aside = abs((y - ego.y) * math.cos(ego.yaw) - (x - ego.x) * math.sin(ego.yaw))
-    similar = math.cos(yaw - ego.yaw) > 0.5
-    reach = ego.half_length + float(forecast.half[h, 0])
-    return bool(ahead < -0.6 * reach and similar and aside < 3.0) or bool(ahead < -reach and forecast.speed[h] < 0.3)
+    ahead = _ahead_of(ego, pose)
+    aside = abs((pose[1] - ego.y) * math.cos(ego.yaw) - (pose[0] - ego.x) * math.sin(ego.yaw))
+    reach = ego.half_length + half_length
+    similar = math.cos(pose[2] - ego.yaw) > 0.5
+    return (ahead < -0.6 * reach and similar and aside < 3.0) or (ahead < -reach and speed < 0.3)
 
 
-def kerb_speed(path: ReferencePath, ego: Ego, forecast: Forecast) -> float:
-    """Speed [m/s] that respects walkers who stand beside the path and look across it; inf without any."""
-    lowest = math.inf
-    for h in np.flatnonzero(forecast.is_walker & (forecast.speed < 0.3)):
-        x, y, yaw = forecast.poses[h, 0]
-        start = max(int(ego.s / STEP), 0)
-        window = path.xy[start : start + int(45.0 / STEP)]
-        if not len(window):
-            continue
-        distance = np.hypot(window[:, 0] - x, window[:, 1] - y)
-        nearest = int(np.argmin(distance))
-        if distance[nearest] > KERB_REACH or nearest == 0:
-            continue
-        towards = math.atan2(window[nearest, 1] - y, window[nearest, 0] - x)
-        if math.cos(towards - yaw) > 0.5:
-            room = max(nearest * STEP - 12.0, 0.0)
-            lowest = min(lowest, math.sqrt(CREEP * CREEP + 2.0 * 1.8 * room))
-    return lowest
+@kernel
+def _kerb_speed(xy: Floats, pose: Floats) -> float:
+    """Speed [m/s] that respects a walker who stands at `pose`; inf if it is far off, behind, or looks elsewhere."""
+    nearest, best = 0, math.inf
+    for k in range(min(len(xy), int(KERB_AHEAD / STEP))):
+        distance = (xy[k, 0] - pose[0]) ** 2 + (xy[k, 1] - pose[1]) ** 2
+        if distance < best:
+            nearest, best = k, distance
+    if nearest == 0 or best > KERB_REACH * KERB_REACH:
+        return math.inf
+    towards = math.atan2(xy[nearest, 1] - pose[1], xy[nearest, 0] - pose[0])
+    if math.cos(towards - pose[2]) <= 0.5:
+        return math.inf
+    room = max(nearest * STEP - 12.0, 0.0)
+    return math.sqrt(CREEP * CREEP + 2.0 * 1.8 * room)
 
 
 @kernel
@@ -201,6 +259,9 @@ def sweep(
         (H, K) first sample that meets, refined to a sixteenth, and last sample; -1 where none does.
     """
     count, steps, samples = len(poses), poses.shape[1], len(xy)
+    x0, x1, y0, y1 = math.inf, -math.inf, math.inf, -math.inf
+    for i in range(samples):
+        x0, x1, y0, y1 = min(x0, xy[i, 0]), max(x1, xy[i, 0]), min(y0, xy[i, 1]), max(y1, xy[i, 1])
     first, last = np.full((count, steps), -1.0), np.full((count, steps), -1.0)
     ego_radius = math.sqrt(half_length**2 + half_width**2)
     for h in range(count):
@@ -211,11 +272,13 @@ def sweep(
                 first[h, k], last[h, k] = first[h, k - 1], last[h, k - 1]
                 continue
             x, y, yaw = poses[h, k]
+            if x < x0 - radius or x > x1 + radius or y < y0 - radius or y > y1 + radius:
+                continue
             i = 0
             while i < samples:
                 distance = math.sqrt((x - xy[i, 0]) ** 2 + (y - xy[i, 1]) ** 2)
                 if distance > radius:
-                    i += max(1, int((distance - radius) / 0.55))  # samples are at most 0.55 m apart
+                    i += max(1, int((distance - radius) / 0.6))  # samples are at most 0.6 m apart
                     continue
                 if _overlap(xy[i, 0], xy[i, 1], heading[i], half_length, width, x, y, yaw, half[h, 0], half[h, 1]):
                     if first[h, k] < 0.0:

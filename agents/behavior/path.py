@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lavsim.kernel import kernel
 from lavsim.types import RoadOption
 from lavsim.world.dynamics import REAR_LENGTH
 
@@ -117,13 +119,21 @@ class PathTracker:
             low, high = max(self._index - self.BEHIND, 0), min(self._index + self.AHEAD, len(path))
         else:  # the ego starts near the first point
             low, high, self._is_placed = 0, min(100, len(path)), True
-        window = path.xy[low:high]
-        index = low + int(np.argmin((window[:, 0] - x) ** 2 + (window[:, 1] - y) ** 2))
-        self._index = index
-        yaw = path.yaw[index]
-        dx, dy = x - path.xy[index, 0], y - path.xy[index, 1]
-        along = dx * np.cos(yaw) + dy * np.sin(yaw)
-        return index * STEP + float(along), float(dy * np.cos(yaw) - dx * np.sin(yaw))
+        self._index, s, offset = _place(path.xy, path.yaw, low, high, x, y)
+        return s, offset
+
+
+@kernel
+def _place(xy: Floats, yaw: Floats, low: int, high: int, x: float, y: float) -> tuple[int, float, float]:
+    """Nearest of the samples low … high-1, place along the path and offset to its right of the point x, y."""
+    index, best = low, math.inf
+    for k in range(low, high):
+        distance = (xy[k, 0] - x) ** 2 + (xy[k, 1] - y) ** 2
+        if distance < best:
+            index, best = k, distance
+    cos, sin = math.cos(yaw[index]), math.sin(yaw[index])
+    dx, dy = x - xy[index, 0], y - xy[index, 1]
+    return index, index * STEP + dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def _advancing(points: Floats, yaw: Floats) -> NDArray[np.int64]:

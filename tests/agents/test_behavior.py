@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from agents.behavior.agent import Expert
 from agents.behavior.control import pedals
+from agents.behavior.manner import Manner
 from agents.behavior.path import STEP, PathTracker, ReferencePath, path_through
 from agents.behavior.road import StopPoint
-from agents.behavior.speed import Manner, following, speed_profile, stopping, time_to_cover
+from agents.behavior.speed import following, speed_profile, stopping, time_to_cover
 from lavsim.map.planner import get_planner
 from lavsim.map.town_map import load_town
 from lavsim.types import DT, ActorClass, LightState, RoadOption, Role
