@@ -7,11 +7,12 @@ A worker that dies takes one task with it: the task is tried once more, then rep
 from __future__ import annotations
 
 import contextlib
+import itertools
 import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ R = TypeVar("R")
 Report = Callable[[Any], None]
 Work = Callable[[T, Report], R]
 
-_DEATHS = 2  # of workers after which what is left runs one task at a time
+_DEATHS = 2  # of workers after which what was begun runs one task at a time
+_AHEAD = 2  # tasks begun for each worker, so that none waits for its next
 _POLL = 0.2  # [s] between looks at what workers report
 _SINGLE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -48,12 +50,13 @@ class Done(Generic[T, R]):
 class Executor(Protocol):
     """Runs tasks; the order in which they end is nobody's promise."""
 
-    def run(self, work: Work[T, R], tasks: Sequence[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
+    def run(self, work: Work[T, R], tasks: Iterable[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
         """Runs `work(task, report)` for each task and gives each as it ends.
 
         Args:
             work: A function at the top of a module; what it raises ends the run.
-            tasks: What to do.
+            tasks: What to do; taken as workers come free, so it may go on for ever. Who has enough closes the iterator
+                that this returns: what still runs is ended.
             on_report: Called in this process with what tasks report on their way.
         """
 
@@ -61,7 +64,7 @@ class Executor(Protocol):
 class SerialExecutor:
     """One task after the other in this process."""
 
-    def run(self, work: Work[T, R], tasks: Sequence[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
+    def run(self, work: Work[T, R], tasks: Iterable[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
         report = on_report or _ignore
         for task in tasks:
             yield Done(task, work(task, report))
@@ -73,37 +76,47 @@ class ProcessExecutor:
     def __init__(self, workers: int) -> None:
         self._workers = workers
 
-    def run(self, work: Work[T, R], tasks: Sequence[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
-        report = on_report or _ignore
-        left: Sequence[T] = tasks
-        for _ in range(_DEATHS):
-            left = yield from self._pool(work, left, self._workers, report)
-        for task in left:  # one of them kills its process; alone, it takes no other with it
-            if (yield from self._pool(work, [task], 1, report)):
-                yield Done(task, None, "its process was killed")
+    def run(self, work: Work[T, R], tasks: Iterable[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
+        report, waiting = on_report or _ignore, iter(tasks)
+        deaths = 0
+        while left := (yield from self._pool(work, waiting, self._workers, report)):
+            deaths += 1
+            if deaths % _DEATHS:
+                waiting = itertools.chain(left, waiting)
+                continue
+            for task in left:  # one of them kills its process; alone, it takes no other with it
+                if (yield from self._pool(work, iter([task]), 1, report)):
+                    yield Done(task, None, "its process was killed")
 
     def _pool(
-        self, work: Work[T, R], tasks: Sequence[T], workers: int, report: Report
+        self, work: Work[T, R], waiting: Iterator[T], workers: int, report: Report
     ) -> Generator[Done[T, R], None, list[T]]:
-        """Runs `tasks` until all are done or a worker dies; returns those not done."""
-        if not tasks:
+        """Runs tasks until there are no more or a worker dies; returns those begun and not done."""
+        begun = list(itertools.islice(waiting, _AHEAD * workers))
+        if not begun:
             return []
         context = multiprocessing.get_context("spawn")
         reports = context.SimpleQueue()
         left: list[T] = []
         with _single_threaded(), ProcessPoolExecutor(workers, context, _prepare, (reports, os.getpid())) as pool:
-            futures: dict[Future[R], T] = {pool.submit(_run, work, task): task for task in tasks}
-            pending = set(futures)
+            pending: dict[Future[R], T] = {pool.submit(_run, work, task): task for task in begun}
             try:
                 while pending:
-                    ended, pending = wait(pending, _POLL, FIRST_COMPLETED)
+                    ended, _ = wait(pending, _POLL, FIRST_COMPLETED)
                     while not reports.empty():
                         report(reports.get())
-                    for future in (f for f in futures if f in ended):
+                    for future in [f for f in pending if f in ended]:
+                        task = pending.pop(future)
                         try:
-                            yield Done(futures[future], future.result())
+                            yield Done(task, future.result())
                         except BrokenProcessPool:
-                            left.append(futures[future])
+                            left.append(task)
+                    room = 0 if left else _AHEAD * workers - len(pending)
+                    for task in itertools.islice(waiting, room):
+                        try:
+                            pending[pool.submit(_run, work, task)] = task
+                        except BrokenProcessPool:
+                            left.append(task)
             finally:
                 if pending:  # interrupted, or a task raised: what still runs is of no use to anybody
                     pool.shutdown(wait=False, cancel_futures=True)
@@ -140,18 +153,24 @@ class RayExecutor:
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise ConfigError(f"no Ray cluster at {address!r}: {error}") from None
 
-    def run(self, work: Work[T, R], tasks: Sequence[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
-        ray = self._ray
+    def run(self, work: Work[T, R], tasks: Iterable[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
+        ray, waiting = self._ray, iter(tasks)
         remote = ray.remote(num_cpus=1, max_retries=1)(_run_remote)
-        pending = {remote.remote(work, task): task for task in tasks}
-        while pending:
-            ended, _ = ray.wait(list(pending), num_returns=1)
-            for reference in ended:
-                task = pending.pop(reference)
-                try:
-                    yield Done(task, ray.get(reference))
-                except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
-                    yield Done(task, None, "its process was killed")
+        ahead = _AHEAD * max(int(ray.cluster_resources().get("CPU", 1)), 1)
+        pending = {remote.remote(work, task): task for task in itertools.islice(waiting, ahead)}
+        try:
+            while pending:
+                ended, _ = ray.wait(list(pending), num_returns=1)
+                for reference in ended:
+                    task = pending.pop(reference)
+                    pending.update((remote.remote(work, t), t) for t in itertools.islice(waiting, 1))
+                    try:
+                        yield Done(task, ray.get(reference))
+                    except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
+                        yield Done(task, None, "its process was killed")
+        finally:
+            for reference in pending:  # interrupted, or the caller has enough
+                ray.cancel(reference, force=True)
 
 
 def make_executor(workers: int = 1, cluster: str | None = None) -> Executor:

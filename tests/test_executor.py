@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,27 @@ def test_a_task_that_kills_its_process_is_lost_and_no_other() -> None:
     assert sorted(done) == list(range(6))
     assert [k for k, d in done.items() if d.lost] == [3]
     assert [done[k].result for k in (0, 1, 2, 4, 5)] == [0, 1, 2, 4, 5]
+
+
+def test_many_deaths_lose_no_task_but_the_deadly() -> None:
+    done = list(ProcessExecutor(2).run(deadly, [3, 3, 0, 1, 2, 4]))
+    assert sorted(d.task for d in done) == [0, 1, 2, 3, 3, 4]
+    assert [d.task for d in done if d.lost] == [3, 3]
+
+
+@pytest.mark.parametrize("executor", [SerialExecutor(), ProcessExecutor(2)], ids=["serial", "process"])
+def test_who_has_enough_of_tasks_without_end_stops(executor: Any) -> None:
+    taken = []
+
+    def forever() -> Iterator[int]:
+        for task in itertools.count():
+            taken.append(task)
+            yield task
+
+    work = executor.run(square, forever())
+    assert all(done.result == done.task**2 for done in itertools.islice(work, 3))
+    work.close()
+    assert len(taken) <= 3 + 2 * 2
 
 
 @pytest.mark.parametrize("executor", [SerialExecutor(), ProcessExecutor(2)], ids=["serial", "process"])
