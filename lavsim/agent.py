@@ -416,6 +416,11 @@ class AgentRunner:
             self._told = True
             return {}
 
+    def labels(self) -> Mapping[str, Any]:
+        """What the agent says of its driving, of the last step; nothing if it has no `labels()`."""
+        labels: Mapping[str, Any] = self._agent.labels() if hasattr(self._agent, "labels") else {}
+        return labels
+
     def close(self) -> None:
         """Calls `destroy` of an agent that was constructed.
 
@@ -456,6 +461,10 @@ class InProcessAgent:
     def drawings(self) -> dict[str, Drawing]:
         """What the agent shows after its last step."""
         return self._runner.drawings()
+
+    def labels(self) -> Mapping[str, Any]:
+        """What the agent says of its driving, of its last step: its `labels()`, for recorders."""
+        return self._runner.labels()
 
     def close(self) -> None:
         self._runner.close()

@@ -65,6 +65,10 @@ class LogWriter:
         """Writes what is left and how the drive ended."""
         self._flush()
         self._section(b"DONE", _json(result.summary()))
+        self.close()
+
+    def close(self) -> None:
+        """Closes the file as it is, without how the drive ended; may be called twice."""
         self._file.close()
 
     def _flush(self) -> None:

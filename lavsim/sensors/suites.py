@@ -33,7 +33,30 @@ LAV: tuple[SensorDict, ...] = (
     {"type": "sensor.speedometer", "id": "EGO"},
 )
 
-SUITES: dict[str, tuple[SensorDict, ...]] = {"lav": LAV}
+
+def _with_tags(colour: SensorDict, name: str) -> tuple[SensorDict, SensorDict]:
+    """A colour camera and one of class tags on the same mount: one pass gives both."""
+    tags = {**colour, "type": "sensor.camera.semantic_segmentation", "id": name}
+    return colour, tags
+
+
+# What a dataset keeps of every frame. Source: LAV's recorder (reference `lav.md` 2.1, 3.1). GNSS, IMU, speedometer and
+# LiDAR have the ids of the agent's suite and so its noise.
+LAV_DATA: tuple[SensorDict, ...] = (
+    *(
+        sensor
+        for k in range(5)
+        for sensor in _with_tags(_camera(f"RGB_{k}", -120.0 + 60.0 * k, 256, 288, 64.0), f"SEM_{k}")
+    ),
+    *_with_tags(_camera("TEL_RGB", 0.0, 480, 288, 40.0), "TEL_SEM"),
+    _mounted("sensor.lidar.ray_cast", "LIDAR"),
+    {"type": "sensor.lavsim.bev", "id": "BEV"},
+    {"type": "sensor.other.gnss", "id": "GPS", "x": 0.0, "y": 0.0, "z": 2.4},
+    _mounted("sensor.other.imu", "IMU"),
+    {"type": "sensor.speedometer", "id": "EGO"},
+)
+
+SUITES: dict[str, tuple[SensorDict, ...]] = {"lav": LAV, "lav_data": LAV_DATA}
 
 
 def find_suite(name: str) -> tuple[SensorDict, ...]:
