@@ -36,7 +36,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("traffic", "render"),
     ("world",),
     ("map", "towns"),
-    ("carla_types", "drawings", "executor", "geometry", "registry", "messages", "config"),
+    ("carla_types", "drawings", "executor", "geometry", "registry", "messages", "config", "guidance"),
     ("random", "kernel", "kernel_draws", "portable_math", "cache"),
     ("types",),
     ("errors",),

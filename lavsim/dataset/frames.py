@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.dataset.ahead import RouteView
-from lavsim.dataset.guidance import Guide
 from lavsim.dataset.rig import Readings, Rig
 from lavsim.dataset.schema import TICKS_PER_FRAME, RecordConfig
+from lavsim.guidance import Guide
 from lavsim.map.route import Route
 from lavsim.random import Draws
 from lavsim.render.scene import Scene
@@ -27,6 +27,22 @@ STANDING = 0.1  # [m/s] slower is standing (reference `lav.md` 3.2)
 NO_WISH = np.full(5, np.nan, np.float32)
 
 S = TypeVar("S", bound=Sensor)
+
+
+class Keeper:
+    """Says which ticks are frames: every fifth, but none once the ego has stood for long.
+
+    Args:
+        stand_ticks: Ticks of standing after which nothing is kept.
+    """
+
+    def __init__(self, stand_ticks: int) -> None:
+        self._limit, self._stood = stand_ticks, 0
+
+    def keeps(self, snapshot: Snapshot) -> bool:
+        """Takes in a tick; whether it is a frame."""
+        self._stood = self._stood + 1 if snapshot.ego.speed < STANDING else 0
+        return snapshot.tick % TICKS_PER_FRAME == 0 and self._stood < self._limit
 
 
 class FrameMaker:
@@ -48,23 +64,25 @@ class FrameMaker:
         self._gnss = _sensor(config, Gnss, {"type": "sensor.other.gnss", "id": "GPS", "z": 2.4})
         self._imu = _sensor(config, Imu, {"type": "sensor.other.imu", "id": "IMU", "z": 2.4})
         self._speedometer = _sensor(config, Speedometer, {"type": "sensor.speedometer", "id": "EGO"})
-        self._guide = Guide(route, scene.town, config.plan_spacing)
+        kept = route.thinned(config.plan_spacing)
+        self._nodes = route.points[kept, :2]
+        self._guide = Guide(route.gps(scene.geo_reference)[kept, :2], route.command[kept].tolist())
         self._view = RouteView(route, scene.town)
         self._recent: deque[Snapshot] = deque(maxlen=self.rig.history + 1)
         self._since: list[Snapshot] = []  # seen since the last kept frame, the newest last
         self._fixes: list[NDArray[np.float64]] = []  # GNSS of each of them
-        self._stood = 0
+        self._keeper = Keeper(config.stand_ticks)
 
     def see(self, snapshot: Snapshot) -> bool:
         """Takes in a tick; whether it is kept."""
         self._recent.append(snapshot)
-        self._since.append(snapshot)
-        fix = self._gnss.read([snapshot], self._scene, self._draws)
-        self._fixes.append(fix)
-        self._guide.update(fix)
-        self._view.update(snapshot)
-        self._stood = self._stood + 1 if snapshot.ego.speed < STANDING else 0
-        return snapshot.tick % TICKS_PER_FRAME == 0 and self._stood < self._config.stand_ticks
+        if self._config.tables:
+            self._since.append(snapshot)
+            fix = self._gnss.read([snapshot], self._scene, self._draws)
+            self._fixes.append(fix)
+            self._guide.update(fix)
+            self._view.update(snapshot)
+        return self._keeper.keeps(snapshot)
 
     def read(self) -> Readings:
         """The sensors at the tick seen last."""
@@ -87,7 +105,7 @@ class FrameMaker:
             "command": guidance.command,
             "goal": guidance.goal,
             "next_goal": guidance.next_goal,
-            "goal_position": self._guide.positions[guidance.node],
+            "goal_position": self._nodes[guidance.node],
             **self._view.columns(snapshot),
             "weather": snapshot.weather_values,
             "hazards": snapshot.hazards["index"],

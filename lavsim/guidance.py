@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.geometry import EARTH_RADIUS
-from lavsim.map.route import Route
-from lavsim.map.town_map import TownMap
 from lavsim.types import RoadOption
 
 TURN_REACH = 4.5  # [m] a node is reached from that far when its command ends a "follow"
@@ -47,25 +46,22 @@ class Guide:
     Source: LAV's `Waypointer` and `RoutePlanner` (reference `lav.md` 6.1).
 
     Args:
-        route: The dense route.
-        town: Its town.
-        spacing: Of the plan's nodes [m], as `Route.thinned`.
+        gps: (K, 2) latitude and longitude [deg] of the plan's nodes.
+        commands: (K,) `RoadOption` of each.
     """
 
-    def __init__(self, route: Route, town: TownMap, spacing: float) -> None:
-        kept = route.thinned(spacing)
-        self.positions = route.points[kept, :2]
-        gps = route.gps(town.geo_reference)[:, :2]
-        self._scale = math.cos(math.radians(float(gps[kept, 0].mean())))
-        self._nodes = self._metres(gps[kept])
+    def __init__(self, gps: NDArray[np.float64], commands: Sequence[int]) -> None:
+        gps = np.asarray(gps, np.float64)
+        self._scale = math.cos(math.radians(float(gps[:, 0].mean())))
+        self._nodes = self._metres(gps)
         self._ahead = self._directions()
-        self._commands = [RoadOption(value) for value in route.command[kept].tolist()]
+        self._commands = [RoadOption(int(value)) for value in commands]
         self._current, self._goal = 0, 0
         self._command = RoadOption.LANEFOLLOW
 
     def update(self, gnss: NDArray[np.float64]) -> None:
-        """Takes in the fix of a tick: latitude, longitude [deg], altitude."""
-        self._place = self._metres(gnss[None, :2])[0]
+        """Takes in the fix of a tick: latitude, longitude [deg], and what may follow."""
+        self._place = self._metres(np.asarray(gnss, np.float64)[:2])
         offset = self._nodes - self._place
         distance = np.hypot(offset[:, 0], offset[:, 1])
         last = len(self._nodes) - 1
@@ -92,7 +88,7 @@ class Guide:
         return distance < PASSED_REACH and float(offset @ self._ahead[node]) < 0.0
 
     def _metres(self, gps: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 2) north, east [m] of latitudes and longitudes [deg]."""
+        """(…, 2) north, east [m] of latitudes and longitudes [deg]."""
         scale = EARTH_RADIUS * math.pi / 180.0
         return gps * (scale, scale * self._scale)
 
