@@ -174,8 +174,9 @@ class Simulation:
         # Nearest point in the window ahead, later ones win ties (reference `leaderboard.md` 3.2).
         self._tracker = RouteTracker(self.route, _TRIGGER_WINDOW)
         self._director = Director(
-            self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._tracker.metres
-        )
+            self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._tracker.metres,
+            self._lights, self._traffic, spec.rules,
+        )  # fmt: skip
         self._recent: deque[Snapshot] = deque(maxlen=_HISTORY)
         self.controls: list[NDArray[np.float32]] = []
         self._director.place()
@@ -197,7 +198,7 @@ class Simulation:
         self._walkers.control(lights)
         if self.spec.wet_friction:
             self._world.grip = road_grip(self._weather())
-        self._world.drive_ego(control)
+        self._world.drive_ego(control, self._director.disturbance)
         self._world.step()
         self._follow_ground()
         self._tracker.update(self._world.ego.xy)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
-import typing
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -15,15 +13,19 @@ from numpy.typing import NDArray
 from lavsim.errors import ConfigError, ScenarioError
 from lavsim.random import Draws
 from lavsim.registry import Registry
-from lavsim.types import ActorIds, Role
+from lavsim.scenarios.hands import EgoHand, FlagsHand, LightsHand, TrafficHand
+from lavsim.scenarios.parameters import parse_parameters
+from lavsim.types import DT, ActorIds, Role
 from lavsim.world.blueprints import find_blueprint
 from lavsim.world.world import Actor, World
 
 if TYPE_CHECKING:
     from lavsim.map.route import Route
-    from lavsim.map.town_map import Waypoint
+    from lavsim.map.town_map import TownMap, Waypoint
+    from lavsim.scenarios.place import Site
 
 Script = Generator[None, None, None]
+GENERATIONS = ("1.0", "2.x")
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class ScenarioSpec:
         type: Key in the registry together with the generation.
         generation: "1.0" or "2.x"; some names differ between them.
         trigger: x, y, z [m] and yaw [rad] where the ego sets it off.
-        parameters: As read from the file: texts, or mappings of texts.
+        parameters: As read from the file: numbers, texts, intervals, places.
     """
 
     name: str
@@ -51,19 +53,60 @@ class Stage:
 
     Attributes:
         world: The world, for spawning and looking.
-        route: The ego's route.
-        anchor: Lane centre at the trigger.
+        site: Where on the route the hazard is set off.
         instance: Number of the hazard in its route; sets the ids of its actors.
         progress: Reads how far the ego is along the route [m].
         draws: The hazard's own stream.
+        lights: Its hand on traffic lights.
+        flags: What snapshots show beside the hazard.
+        traffic: Its hand on background vehicles.
+        ego: What it adds to the ego's control.
+        rules: Rule set of the drive.
     """
 
     world: World
-    route: Route
-    anchor: Waypoint
+    site: Site
     instance: int
-    progress: typing.Callable[[], float]
+    progress: Callable[[], float]
     draws: Draws
+    lights: LightsHand
+    flags: FlagsHand
+    traffic: TrafficHand
+    ego: EgoHand
+    rules: str
+
+    @property
+    def town(self) -> TownMap:
+        return self.site.town
+
+    @property
+    def route(self) -> Route:
+        return self.site.route
+
+    @property
+    def anchor(self) -> Waypoint:
+        """Lane centre at the trigger."""
+        return self.site.anchor
+
+    @property
+    def index(self) -> int:
+        """Point of the route at the trigger."""
+        return self.site.index
+
+    @property
+    def time(self) -> float:
+        """Simulation time [s]."""
+        return self.world.tick * DT
+
+    def disturb(self, throttle: float, steer: float) -> None:
+        """Adds to the ego's throttle and steer in this tick."""
+        self.ego.add(throttle, steer)
+
+    def release(self) -> None:
+        """Lets go of everything that is not an actor."""
+        self.lights.release()
+        self.traffic.release()
+        self.flags.release()
 
 
 class Scenario(ABC):
@@ -71,19 +114,21 @@ class Scenario(ABC):
 
     Class attributes:
         Config: Frozen dataclass of its parameters.
-        trigger_radius: Distance of the ego's route point from the trigger that sets it off [m]; 2.0 in 2.x, 1.5 in 1.0.
+        appears_at_trigger: Whether `place` is called when the ego sets it off instead of when it comes near.
+        acts: Whether it scripts anything; types that only mark a piece of road don't.
     """
 
     Config: ClassVar[type[Any]]
-    trigger_radius: ClassVar[float] = 2.0
+    appears_at_trigger: ClassVar[bool] = False
+    acts: ClassVar[bool] = True
 
     def __init__(self, config: Any) -> None:
         self.config = config
         self._actors: list[Actor] = []
 
     @abstractmethod
-    def fits(self, anchor: Waypoint) -> str | None:
-        """Why it can't stand at `anchor`; None when it can. Asked when the route loads."""
+    def fits(self, site: Site) -> str | None:
+        """Why it can't stand at `site`; None when it can. Asked when the route loads."""
 
     @abstractmethod
     def place(self, stage: Stage) -> None:
@@ -93,8 +138,17 @@ class Scenario(ABC):
     def script(self, stage: Stage) -> Script:
         """Runs from the trigger on; every `yield` gives the tick back, returning ends the hazard."""
 
+    @property
+    def actors(self) -> tuple[Actor, ...]:
+        """All that it has spawned, those that are gone included."""
+        return tuple(self._actors)
+
     def spawn(self, stage: Stage, blueprint: str, position: NDArray[np.float64], yaw: float, role: Role) -> Actor:
-        """Adds an actor with the next id of this hazard's range."""
+        """Adds an actor with the next id of this hazard's range; `position` is (3,) x, y, z [m].
+
+        Raises:
+            ScenarioError: another actor stands there.
+        """
         actor_id = ActorIds.of_scenario(stage.instance) + len(self._actors)
         kind = find_blueprint(blueprint)
         actor = stage.world.spawn(actor_id, kind, position, yaw, role, kind.colour(stage.draws, actor_id))
@@ -119,22 +173,6 @@ def make_scenario(spec: ScenarioSpec) -> Scenario:
     """
     kind = SCENARIOS[spec.generation, spec.type]
     try:
-        return kind(kind.Config(**_parameters(kind.Config, spec.parameters)))
+        return kind(kind.Config(**parse_parameters(kind.Config, spec.parameters)))
     except (ConfigError, ScenarioError) as error:
         raise ScenarioError(f"{spec.name} ({spec.type}): {error}") from None
-
-
-def _parameters(config: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    types = typing.get_type_hints(config)
-    known = {f.name: types[f.name] for f in fields(config)}
-    result = {}
-    for name, value in given.items():
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
-            raise ScenarioError(f"no parameter {name!r}.{hint} Known: {', '.join(known) or 'none'}.")
-        try:
-            result[name] = known[name](value)
-        except (TypeError, ValueError):
-            raise ScenarioError(f"{name} must be a {known[name].__name__}, got {value!r}.") from None
-    return result

@@ -13,13 +13,19 @@ from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.scenarios.base import Scenario, ScenarioSpec, Script, Stage, make_scenario
+from lavsim.scenarios.hands import EgoHand, FlagsHand, LightsHand, TrafficHand
+from lavsim.scenarios.place import Site
+from lavsim.traffic.population import Traffic
+from lavsim.world.lights import TrafficLights
 from lavsim.world.snapshot import HAZARD_DTYPE
 from lavsim.world.world import World
 
 _PLACE_RANGE = 500.0  # [m] from the ego within which a hazard's actors appear
-_RETRY_TICKS = 20  # between attempts to place a hazard whose place is taken
+_RETRY_TICKS = 20  # between attempts to place a hazard whose place is taken; as long, one is tried at its trigger
+TRIGGER_RADIUS = {"1.0": 1.5, "2.x": 2.0}  # [m] of the ego's route point from the trigger that sets a hazard off
 _TRIGGER_GAP = 2.0  # [m] and
 _TRIGGER_TURN = np.radians(10.0)  # off the route: farther and the leaderboard ignores a trigger
+_NONE = np.zeros(0, dtype=HAZARD_DTYPE)
 
 
 @dataclass
@@ -30,6 +36,7 @@ class _Hazard:
     scenario: Scenario
     stage: Stage
     retry: int = 0  # tick from which on it may be placed
+    given_up: int | None = None  # tick up to which a hazard that is set off is tried
     is_placed: bool = False
     is_over: bool = False
     script: Script | None = field(default=None)
@@ -46,6 +53,9 @@ class Director:
         specs: The hazards, in the order of the route file.
         route_id: For messages.
         progress: Reads how far the ego is along the route [m].
+        lights: The town's lights, for hazards that hold them.
+        traffic: Background vehicles, for hazards that slow them down.
+        rules: Rule set of the drive.
 
     Raises:
         RouteError: a hazard doesn't fit where its trigger is.
@@ -61,17 +71,32 @@ class Director:
         specs: Sequence[ScenarioSpec],
         route_id: str,
         progress: Callable[[], float],
+        lights: TrafficLights,
+        traffic: Traffic,
+        rules: str,
     ) -> None:
         self._town, self._route, self._world, self._draws = town, route, world, draws
-        self._route_id, self._progress = route_id, progress
+        self._route_id, self._progress, self._rules = route_id, progress, rules
+        self._lights, self._light_owners, self._traffic, self._ego = lights, dict[int, int](), traffic, EgoHand()
         prepared = (self._prepare(number, spec) for number, spec in enumerate(specs))
         self._hazards = [hazard for hazard in prepared if hazard is not None]
 
     @property
     def active(self) -> NDArray[np.void]:
-        """`(H,)` of `HAZARD_DTYPE`: hazards set off and not over."""
-        rows = [(h.stage.instance, 0) for h in self._hazards if h.script is not None and not h.is_over]
+        """`(H,)` of `HAZARD_DTYPE`: hazards set off and not over, and those over whose flags last."""
+        if not self._hazards:
+            return _NONE
+        rows = [
+            (h.stage.instance, h.stage.flags.bits)
+            for h in self._hazards
+            if h.script is not None and (not h.is_over or h.stage.flags.bits)
+        ]
         return np.array(rows, dtype=HAZARD_DTYPE)
+
+    @property
+    def disturbance(self) -> tuple[float, float]:
+        """What the scripts of this tick add to the ego's throttle and steer."""
+        return self._ego.take()
 
     def tick(self, route_point: NDArray[np.float64]) -> None:
         """Places what the ego comes near and runs every script by one tick.
@@ -81,58 +106,77 @@ class Director:
         """
         self.place()
         for hazard in self._hazards:
-            if hazard.is_over:
+            if hazard.is_over or (hazard.script is None and not self._set_off(hazard, route_point)):
                 continue
-            if hazard.script is None:
-                gap = route_point - np.array(hazard.spec.trigger[:2])
-                if np.hypot(*gap) >= hazard.scenario.trigger_radius:
-                    continue
-                if not hazard.is_placed:  # never found room: left out, as the leaderboard skips what can't be set up
-                    hazard.is_over = True
-                    continue
-                hazard.script = hazard.scenario.script(hazard.stage)
             try:
-                next(hazard.script)
-            except StopIteration:
-                hazard.scenario.clear()
-                hazard.is_over = True
+                next(hazard.script)  # type: ignore[arg-type]
+            except (StopIteration, ScenarioError):  # what finds no room later on is left out, too
+                self._end(hazard)
+
+    def _set_off(self, hazard: _Hazard, route_point: NDArray[np.float64]) -> bool:
+        """Starts the script of a hazard whose trigger the ego has reached; whether it runs."""
+        if hazard.given_up is None:
+            gap = route_point - np.array(hazard.spec.trigger[:2])
+            if np.hypot(*gap) >= TRIGGER_RADIUS[hazard.spec.generation]:
+                return False
+            hazard.given_up = self._world.tick + (_RETRY_TICKS if hazard.scenario.appears_at_trigger else 0)
+        if not hazard.is_placed and hazard.scenario.appears_at_trigger:
+            self._try_to_place(hazard)
+        if hazard.is_placed:
+            hazard.script = hazard.scenario.script(hazard.stage)
+            return True
+        if self._world.tick >= hazard.given_up:  # no room: left out, as the leaderboard skips what can't be set up
+            self._end(hazard)
+        return False
+
+    def _end(self, hazard: _Hazard) -> None:
+        hazard.is_over = True
+        hazard.scenario.clear()
+        hazard.stage.release()
 
     def place(self) -> None:
         """Places hazards whose trigger is near; one whose place is taken (by a walker, say) is tried again later."""
         for hazard in self._hazards:
-            if hazard.is_placed or hazard.is_over or self._world.tick < hazard.retry:
+            if hazard.is_placed or hazard.is_over or hazard.scenario.appears_at_trigger:
                 continue
             trigger = np.array(hazard.spec.trigger[:2])
-            if np.hypot(*(trigger - self._world.ego.xy)) < _PLACE_RANGE:
-                try:
-                    hazard.scenario.place(hazard.stage)
-                    hazard.is_placed = True
-                except ScenarioError:
-                    hazard.scenario.clear()
-                    hazard.retry = self._world.tick + _RETRY_TICKS
+            if self._world.tick >= hazard.retry and np.hypot(*(trigger - self._world.ego.xy)) < _PLACE_RANGE:
+                self._try_to_place(hazard)
+
+    def _try_to_place(self, hazard: _Hazard) -> None:
+        try:
+            hazard.scenario.place(hazard.stage)
+            hazard.is_placed = True
+        except ScenarioError:
+            hazard.scenario.clear()
+            hazard.retry = self._world.tick + _RETRY_TICKS
 
     def _prepare(self, instance: int, spec: ScenarioSpec) -> _Hazard | None:
         """The hazard of `spec`; None when its trigger is not on the route, as the leaderboard ignores it then."""
         scenario = make_scenario(spec)
-        index = self._trigger_index(spec)
+        index = trigger_index(self._route, spec)
         if index is None:
             return None
-        anchor = self._town.waypoint_at(int(self._route.lane[index]), float(self._route.u[index]))
-        reason = scenario.fits(anchor)
+        site = Site(self._town, self._route, index)
+        reason = scenario.fits(site)
         if reason is not None:
             where = f"({spec.trigger[0]:.1f}, {spec.trigger[1]:.1f})"
             raise RouteError(
                 f"route {self._route_id}, scenario {spec.name}: {spec.type} does not fit at {where}: {reason}."
             )
-        draws = self._draws.stream("scenario", instance)
-        stage = Stage(self._world, self._route, anchor, instance, self._progress, draws)
+        stage = Stage(
+            self._world, site, instance, self._progress, self._draws.stream("scenario", instance),
+            LightsHand(self._lights, self._world, self._light_owners, instance), FlagsHand(),
+            TrafficHand(self._traffic, self._world, self._route, self._progress), self._ego, self._rules,
+        )  # fmt: skip
         return _Hazard(spec, scenario, stage)
 
-    def _trigger_index(self, spec: ScenarioSpec) -> int | None:
-        """First route point near the trigger and heading its way (reference `leaderboard.md` 3.3)."""
-        x, y, z, yaw = spec.trigger
-        near = np.hypot(self._route.points[:, 0] - x, self._route.points[:, 1] - y) < _TRIGGER_GAP
-        level = self._route.points[:, 2] - z < _TRIGGER_GAP
-        turned = np.abs(np.mod(self._route.yaw - yaw + np.pi, 2.0 * np.pi) - np.pi) < _TRIGGER_TURN
-        found = np.flatnonzero(near & level & turned)
-        return int(found[0]) if len(found) else None
+
+def trigger_index(route: Route, spec: ScenarioSpec) -> int | None:
+    """First point of `route` near the trigger and heading its way (reference `leaderboard.md` 3.3); None: ignored."""
+    x, y, z, yaw = spec.trigger
+    near = np.hypot(route.points[:, 0] - x, route.points[:, 1] - y) < _TRIGGER_GAP
+    level = route.points[:, 2] - z < _TRIGGER_GAP
+    turned = np.abs(np.mod(route.yaw - yaw + np.pi, 2.0 * np.pi) - np.pi) < _TRIGGER_TURN
+    found = np.flatnonzero(near & level & turned)
+    return int(found[0]) if len(found) else None

@@ -12,7 +12,8 @@ from lavsim.errors import ConfigError
 from lavsim.geometry import forward, right
 from lavsim.map.town_map import Waypoint
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
-from lavsim.types import LaneType, Role
+from lavsim.scenarios.place import Site, at_height, kerb
+from lavsim.types import Role
 from lavsim.world.blueprints import find_blueprint
 
 _WALK_SPEED = 2.0  # [m/s]
@@ -60,10 +61,10 @@ class DynamicObjectCrossing(Scenario):
 
     Config = DynamicObjectCrossingConfig
 
-    def fits(self, anchor: Waypoint) -> str | None:
+    def fits(self, site: Site) -> str | None:
         distance = self.config.distance
         for back in (0.0, _CLEAR_BEFORE):
-            place = _walk(anchor, max(distance - back, 0.0))
+            place = _walk(site.anchor, max(distance - back, 0.0))
             if place is None:
                 return f"the road ends within {distance:g} m of the trigger"
             if place.is_junction:
@@ -74,7 +75,7 @@ class DynamicObjectCrossing(Scenario):
         crossing = stage.anchor.ahead(self.config.distance)
         blocker = find_blueprint(self.config.blocker_model)
         side = 1.0 if self.config.direction == "right" else -1.0
-        reach = side * (_kerb(crossing, side) + _MARGIN + blocker.size[1] / 2.0)
+        reach = side * (kerb(crossing, self.config.direction) + _MARGIN + blocker.size[1] / 2.0)
         self._target = crossing.xy
         start = crossing.xy + reach * right(crossing.yaw)
         along = self.config.distance * (1.0 - _BLOCKER_SHARE) + blocker.size[0] / 2.0 + 0.3
@@ -82,10 +83,10 @@ class DynamicObjectCrossing(Scenario):
         self._way: NDArray[np.float64] = way / np.hypot(*way)
         self._length = 2.0 * abs(reach)
         self.blocker = self.spawn(
-            stage, blocker.name, _at(start - along * forward(crossing.yaw), crossing.z), crossing.yaw, Role.PROP
+            stage, blocker.name, at_height(start - along * forward(crossing.yaw), crossing.z), crossing.yaw, Role.PROP
         )
         heading = float(np.arctan2(self._way[1], self._way[0]))
-        self.walker = self.spawn(stage, "walker.pedestrian.0001", _at(start, crossing.z), heading, Role.SCENARIO)
+        self.walker = self.spawn(stage, "walker.pedestrian.0001", at_height(start, crossing.z), heading, Role.SCENARIO)
 
     def script(self, stage: Stage) -> Script:
         start_time = 2.1 + 0.1 * math.floor(self.config.crossing_angle / 5.0)
@@ -107,19 +108,3 @@ def _walk(anchor: Waypoint, distance: float) -> Waypoint | None:
         return anchor
     reached = anchor.next(distance)
     return reached[0] if reached else None
-
-
-def _kerb(crossing: Waypoint, side: float) -> float:
-    """Distance from the lane centre to where the sidewalk (or the land beside the road) begins [m]."""
-    reach, lane = crossing.width / 2.0, crossing
-    outward = Waypoint.right if side > 0.0 else Waypoint.left
-    while (beside := outward(lane)) is not None and not beside.lane_type & (LaneType.SIDEWALK | LaneType.NONE):
-        if beside.lane_type & LaneType.DRIVING and abs(math.cos(beside.yaw - lane.yaw) + 1.0) < 0.5:
-            outward = Waypoint.left if outward is Waypoint.right else Waypoint.right  # sides swap across the centre
-        reach += beside.width
-        lane = beside
-    return reach
-
-
-def _at(xy: NDArray[np.float64], z: float) -> NDArray[np.float64]:
-    return np.array([xy[0], xy[1], z])

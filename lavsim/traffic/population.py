@@ -18,7 +18,7 @@ from lavsim.traffic.near import make_near
 from lavsim.traffic.network import lanes_of
 from lavsim.traffic.obstacles import Boxes, cells_of, make_grid
 from lavsim.traffic.sorting import make_sorting
-from lavsim.types import ActorIds, LaneType, Role, VehicleLight
+from lavsim.types import DT, ActorIds, LaneType, Role, VehicleLight
 from lavsim.world.actor import Actor
 from lavsim.world.blueprints import BLUEPRINTS, Blueprint
 from lavsim.world.world import World
@@ -81,6 +81,7 @@ class Traffic:
         self._corridor = corridor_of(town)
         self._bounds = np.asarray(town.bounds) + _MARGIN * np.array([-1.0, -1.0, 1.0, 1.0])
         self._guests = make_guests()
+        self._held: dict[int, tuple[float, float]] = {}  # speed and deceleration by row, where a hazard sets them
         self._calls = np.full(_MOST_CALLS, -1, np.int64)
         self._changes_lanes = True
         self._half = np.zeros((0, 2))
@@ -138,8 +139,39 @@ class Traffic:
             self._sorting, self._grid, self._guests, self._near, self._calls, self._changes_lanes,
         )  # fmt: skip
         stuck = drive(scene, self._fleet, world.tick, int(self.lamps), world.command[:n], world.lights[:n])
+        if self._held:
+            self._hold_back()
         if stuck >= 0 and not self._follows_ego and world.tick - self._dissolved_at >= _DISSOLVE_PAUSE:
             self._dissolve(stuck)
+
+    def hold(self, row: int, speed: float, deceleration: float) -> None:
+        """Keeps the vehicle in `row` from driving faster than `speed` [m/s] until `let_go`; it brakes that hard."""
+        self._held[row] = speed, deceleration
+
+    def let_go(self, row: int) -> None:
+        """Ends `hold`."""
+        self._held.pop(row, None)
+
+    def take_out_near(self, xy: NDArray[np.float64], radius: float) -> int:
+        """Takes out the vehicles whose middle is within `radius` of `xy` [m]; returns how many."""
+        fleet, taken = self._fleet, 0
+        for slot in np.flatnonzero(fleet.row >= 0):
+            row = int(fleet.row[slot])
+            if np.hypot(*(self._world.pose[row, :2] - xy)) < radius:
+                self._world.remove(Actor(self._world, row))
+                fleet.row[slot] = -1
+                taken += 1
+        return taken
+
+    def _hold_back(self) -> None:
+        """What hazards have told drivers comes before what they decided."""
+        world, rows = self._world, np.fromiter(self._held, np.int64, len(self._held))
+        speed, deceleration = np.array(list(self._held.values())).T
+        now = world.body[rows, 0]
+        allowed = np.maximum(speed, now - deceleration * DT)
+        world.command[rows, 0] = np.minimum(world.command[rows, 0], allowed)
+        braking = rows[(now > speed) | (speed == 0.0)]
+        world.lights[braking] |= int(VehicleLight.BRAKE)
 
     def _meet(self) -> None:
         """Takes in the sizes of rows that are new in the world, making room where there is none."""

@@ -89,6 +89,12 @@ class Actor:
         if self.world.motion[self.row] == DRIVEN:
             self.world.command[self.row] = speed, curvature
 
+    def launch(self, speed: float) -> None:
+        """Has `speed` ahead at once [m/s]: it comes into the world moving."""
+        if self.world.motion[self.row] == DRIVEN:
+            self.world.body[self.row, 0] = speed
+            self.world.command[self.row] = speed, 0.0
+
     def switch_on(self, lights: VehicleLight) -> None:
         self.world.lights[self.row] |= int(lights)
 

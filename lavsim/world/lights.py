@@ -128,6 +128,10 @@ class TrafficLights:
             self._states, self._valid = states, (tick, end)
         return self._states
 
+    def group_of(self, light: int) -> tuple[int, ...]:
+        """All lights of the junction of `light`, itself included."""
+        return tuple(int(member) for member in self._group_of[light].lights)
+
     def hold(self, light: int, state: LightState) -> None:
         """Keeps a light at `state` until `release`; its group's clock runs on."""
         self._held[light] = state

@@ -107,7 +107,8 @@ class Snapshot:
         state: (N, 3) int32: vehicle lights (`VehicleLight`), open doors (bit field), a walker's gait phase [2^-8 step].
         ego_motion: (6,) float32: acceleration ahead, right, up [m/s²] without gravity; rotation rate about the
             same axes [rad/s].
-        control: (5,) float32: throttle, steer, brake, hand brake, reverse as applied in the tick that led here.
+        control: (5,) float32: throttle, steer, brake, hand brake, reverse that the agent asked for in the tick that led
+            here; what a hazard adds to them is not in it.
         lights: (L,) uint8, `LightState` of each of the town's traffic lights.
         contacts: (C,) of `CONTACT_DTYPE`: pairs that touched in the tick that led here; id 0 is the static world.
         weather_values: (10,) float32, `Weather.to_array`.

@@ -109,6 +109,11 @@ class World:
         return self._table
 
     @property
+    def half_sizes(self) -> NDArray[np.float64]:
+        """(N, 2) half length and half width of each row's box [m]; 0 for what nothing can touch."""
+        return self._half[: self.count]
+
+    @property
     def ego(self) -> Actor:
         return Actor(self, 0)
 
@@ -177,19 +182,28 @@ class World:
             self._unsettled = self._unsettled[self._unsettled != actor.row]
             self._rows = None
 
-    def drive_ego(self, control: Control) -> None:
-        """Sets what the ego does in the next step; the values are those of the log (float32)."""
+    def drive_ego(self, control: Control, disturbance: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Sets what the ego does in the next step; the values are those of the log (float32).
+
+        Args:
+            control: What its agent asks for; snapshots and logs show this.
+            disturbance: What a hazard adds to throttle and steer.
+        """
         control = self._filter.clean(control)
         brake = 1.0 if control.hand_brake else control.brake
         self._control_values = np.array(
             [control.throttle, control.steer, control.brake, control.hand_brake, control.reverse], np.float32
         )
+        throttle, steer = control.throttle, control.steer
+        if disturbance != (0.0, 0.0):
+            throttle = min(max(throttle + disturbance[0], 0.0), 1.0)
+            steer = min(max(steer + disturbance[1], -1.0), 1.0)
         kind = HANDLING[self._ego_class]
         self.command[0, 0] = speed_after(
-            self.body[0, 0], control.throttle, brake, control.reverse,
+            self.body[0, 0], throttle, brake, control.reverse,
             kind.acceleration * self.grip, kind.braking * self.grip, kind.top_speed,
         )  # fmt: skip
-        self.command[0, 1] = steer_curvature(control.steer) * (kind.curvature / FULL_STEER_CURVATURE)
+        self.command[0, 1] = steer_curvature(steer) * (kind.curvature / FULL_STEER_CURVATURE)
         lights = int(VehicleLight.BRAKE if brake > 0.0 else 0) | int(VehicleLight.REVERSE if control.reverse else 0)
         self.lights[0] = (self.lights[0] & ~_CONTROL_LIGHTS) | lights
 

@@ -13,6 +13,8 @@ from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
 from lavsim.map.town_map import load_town
 from lavsim.scenarios.base import make_scenario
+from lavsim.scenarios.director import trigger_index
+from lavsim.scenarios.place import Site
 from lavsim.towns.facts import bundled_facts
 from lavsim.types import RoadOption
 from leaderboard.route_check import check_routes
@@ -49,10 +51,12 @@ def test_nothing_is_wrong_in_bundled_files(name: str) -> None:
 def test_routes_are_500_m_to_2_km_long_and_their_hazards_fit(name: str) -> None:
     for entry in read_routes(name):
         assert entry.traffic == "lav"
-        route = traced(entry)
+        route, town = traced(entry), load_town(entry.town)
         assert 500.0 <= route.length <= 2000.0, entry.source
         for spec in entry.scenarios:
-            assert make_scenario(spec).fits(load_town(entry.town).waypoint(spec.trigger[:3])) is None
+            index = trigger_index(route, spec)
+            assert index is not None
+            assert make_scenario(spec).fits(Site(town, route, index)) is None
 
 
 def test_the_first_routes_never_change() -> None:

@@ -1,0 +1,1 @@
+"""Small moves that the scripts of hazards are put together from."""

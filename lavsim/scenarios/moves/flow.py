@@ -1,0 +1,140 @@
+"""Vehicles that come one after the other along a line and vanish at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lavsim.errors import ScenarioError
+from lavsim.geometry import wrap_angle
+from lavsim.scenarios.base import Scenario, Script, Stage
+from lavsim.scenarios.moves.follow import ACCELERATION, DECELERATION, step_column
+from lavsim.scenarios.moves.pursuit import line_of, make_column
+from lavsim.scenarios.parameters import Interval
+from lavsim.types import Role
+from lavsim.world.actor import Actor
+
+CARS = (
+    "vehicle.tesla.model3", "vehicle.audi.tt", "vehicle.toyota.prius", "vehicle.mini.cooper_s", "vehicle.seat.leon",
+    "vehicle.nissan.micra", "vehicle.chevrolet.impala", "vehicle.mercedes.coupe_2020",
+)  # fmt: skip
+BICYCLES = ("vehicle.bh.crossbike", "vehicle.diamondback.century", "vehicle.gazelle.omafiets")
+GAP = Interval(20.0, 50.0)  # [m]
+_MOST = 48  # vehicles at once
+_ROOM = 7.0  # [m] between middles below which nobody appears, whatever the gap
+
+
+class ActorFlow:
+    """Source, way and sink of a stream of vehicles.
+
+    Args:
+        scenario: Whose they are.
+        stage: Where.
+        line: (N, 2) from the source to the sink [m].
+        speed: [m/s]
+        gap: Distances between one and the next, drawn anew for each [m].
+        models: Blueprints, drawn for each.
+        prefilled: Whether the whole line is full at once.
+        keeps_distance: Whether they brake for what is ahead.
+        most: How many come in all; None: without end.
+        offset: To the right of the line [m].
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        stage: Stage,
+        line: NDArray[np.float64],
+        speed: float,
+        gap: Interval = GAP,
+        models: Sequence[str] = CARS,
+        prefilled: bool = False,
+        keeps_distance: bool = True,
+        most: int | None = None,
+        offset: float = 0.0,
+    ) -> None:
+        self._scenario, self._stage, self.line = scenario, stage, line_of(line)
+        self.speed, self._gap, self._models, self._keeps = speed, gap, models, keeps_distance
+        self._most, self._offset = most, offset
+        self._column, self._count = make_column(_MOST), 0
+        self._draws = stage.draws.stream("flow", len(scenario.actors))
+        self._next_gap = self._draw_gap()
+        self.is_open = True
+        if prefilled:
+            at = self.line.length - 1.0
+            while at > 0.0 and self._may_come():
+                self._spawn(at)
+                at -= self._next_gap
+                self._next_gap = self._draw_gap()
+
+    def __len__(self) -> int:
+        """Vehicles under way."""
+        return int(np.count_nonzero(self._column.row >= 0))
+
+    @property
+    def actors(self) -> list[Actor]:
+        """Those under way."""
+        return [Actor(self._stage.world, int(row)) for row in self._column.row[self._column.row >= 0]]
+
+    @property
+    def come(self) -> int:
+        """How many have come so far."""
+        return self._count
+
+    def close(self) -> None:
+        """Lets nobody else come; who is under way drives on."""
+        self.is_open = False
+
+    def step(self) -> None:
+        """Acts for this tick: who is at the sink goes, the next comes, all drive."""
+        column, world = self._column, self._stage.world
+        here = column.row >= 0
+        for slot in np.flatnonzero(here & (column.at >= self.line.length - 0.5)):
+            world.remove(Actor(world, int(column.row[slot])))
+            column.row[slot] = -1
+        column.row[here & ~world.present[column.row]] = -1
+        last = float(np.min(column.at[column.row >= 0], initial=np.inf))
+        if last >= self._next_gap and self._may_come() and self._spawn(0.0):
+            self._next_gap = self._draw_gap()
+        column.wanted[:] = self.speed
+        step_column(self._stage, self.line, column, (ACCELERATION, DECELERATION))
+
+    def run(self) -> Script:
+        """Acts without end."""
+        while True:
+            self.step()
+            yield
+
+    def _draw_gap(self) -> float:
+        return float(self._draws.uniform(self._count, 1, *self._gap)[0])
+
+    def _may_come(self) -> bool:
+        return self.is_open and (self._most is None or self._count < self._most) and len(self) < _MOST
+
+    def _spawn(self, at: float) -> bool:
+        """A vehicle at `at` metres of the line, at full speed; False where there is no room."""
+        world, column = self._stage.world, self._column
+        k = min(int(at / 0.5), len(self.line.yaw) - 1)
+        yaw = float(self.line.yaw[k])
+        xy = self.line.xy[k] + self._offset * np.array([-np.sin(yaw), np.cos(yaw)])
+        others = world.pose[: world.count, :2][world.present[: world.count] & (world.half_sizes[:, 0] > 0.0)]
+        if len(others) and np.hypot(*(others - xy).T).min() < _ROOM:
+            return False
+        model = self._models[self._draws.stream("model").integer(self._count, len(self._models))]
+        try:
+            actor = self._scenario.spawn(self._stage, model, self._at_ground(xy), float(wrap_angle(yaw)), Role.SCENARIO)
+        except ScenarioError:
+            return False
+        slot = int(np.flatnonzero(column.row < 0)[0])
+        column.row[slot], column.at[slot], column.keeps[slot] = actor.row, at, self._keeps
+        column.offset[slot] = column.target[slot] = self._offset
+        actor.launch(min(self.speed, float(self.line.pace[k])))
+        self._count += 1
+        return True
+
+    def _at_ground(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        near = self._stage.anchor.z
+        height = float(self._stage.town.nearest(np.array([[xy[0], xy[1], near]])).points[0, 2])
+        return np.array([xy[0], xy[1], height])
