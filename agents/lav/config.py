@@ -118,6 +118,38 @@ class TemporalConfig(Config):
     filter: bool = Field(default=False, description="Whether an extended Kalman filter places the ego.")
 
 
+class PidConfig(Config):
+    """Gains; the integral is the mean of the last errors, and time does not enter."""
+
+    proportional: float = 0.0
+    integral: float = 0.0
+    derivative: float = 0.0
+    window: int = Field(default=40, gt=0, description="Errors that the integral averages [ticks].")
+
+
+class DriveConfig(Config):
+    """From a plan to a control, and what overrules it (reference `lav.md` 6.3 to 6.5; one value a command).
+
+    The gains and the aim are the paper's; speeds are ours: the expert drives faster than CARLA's cautious one.
+    """
+
+    steering: PidConfig = PidConfig(proportional=1.0, integral=0.5, derivative=0.2)
+    speed: PidConfig = PidConfig(proportional=5.0, integral=0.5, derivative=1.0)
+    aim: tuple[int, ...] = Field(default=(4,) * COMMANDS, description="Waypoint that is steered at, from 0.")
+    speed_ratio: tuple[float, ...] = Field(default=(1.0,) * COMMANDS, description="Part of the planned speed.")
+    stop_below: float = Field(default=0.8, ge=0.0, description="Planned speeds below this are a stop [m/s].")
+    error_clip: float = Field(default=0.25, gt=0.0, description="Of the speed's error [m/s].")
+    most_throttle: float = Field(default=0.8, gt=0.0, le=1.0)
+    speed_cap: float = Field(default=45.0 / 3.6, gt=0.0, description="No throttle above [m/s].")
+    over_speed: float = Field(default=1.5, gt=0.0, description="Brakes when faster than planned by this [m/s].")
+    brake_score: float = Field(default=0.3, ge=0.0, le=1.0, description="Scores of the brake network above stop it.")
+    collision_distance: float = Field(default=2.0, ge=0.0, description="To forecasts at the same time [m].")
+    likely: float = Field(default=0.2, ge=0.0, le=1.0, description="Commands of others below are left out.")
+    refined_lane_change: bool = Field(default=False, description="Whether lane changes take the refined plan too.")
+    stuck: float = Field(default=30.0, gt=0.0, description="Creeps after standing so long [s].")
+    creep: float = Field(default=1.0, ge=0.0, description="For so long [s].")
+
+
 class LavConfig(Config):
     """All sizes of one LAV."""
 
@@ -132,6 +164,7 @@ class LavConfig(Config):
     backbone: BackboneConfig = BackboneConfig()
     motion: MotionConfig = MotionConfig()
     temporal: TemporalConfig = TemporalConfig()
+    drive: DriveConfig = DriveConfig()
 
     @property
     def point_features(self) -> int:

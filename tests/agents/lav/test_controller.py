@@ -1,0 +1,86 @@
+"""LAV's controller: PIDs by hand, stops, creeping, and forecasts in the way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from agents.lav.config import DriveConfig, PidConfig
+from agents.lav.controller import Controller, Pid, StuckCounter, collides, planned_speed
+from lavsim.types import Control
+
+CONFIG = DriveConfig()
+
+
+def straight(speed: float, count: int = 10) -> np.ndarray:
+    """A plan straight ahead."""
+    return np.stack([np.zeros(count), -speed * 0.25 * np.arange(1, count + 1)], axis=1)
+
+
+def arc(speed: float, radius: float, count: int = 10) -> np.ndarray:
+    """A plan around a bend to the right."""
+    angle = speed * 0.25 * np.arange(1, count + 1) / radius
+    return np.stack([radius * (1.0 - np.cos(angle)), -radius * np.sin(angle)], axis=1)
+
+
+def test_a_pid_of_three_errors_worked_by_hand() -> None:
+    pid = Pid(PidConfig(proportional=2.0, integral=4.0, derivative=10.0, window=4))
+    assert pid.step(1.0) == pytest.approx(2.0 + 4.0 * 0.25 + 10.0)
+    assert pid.step(0.5) == pytest.approx(1.0 + 4.0 * 1.5 / 4 - 5.0)
+    assert pid.step(0.5) == pytest.approx(1.0 + 4.0 * 2.0 / 4)
+
+
+def test_it_drives_on_and_steers_to_the_side_of_the_plan() -> None:
+    assert planned_speed(straight(6.0)) == pytest.approx(6.0)
+    ahead = Controller(CONFIG).follow(straight(6.0), 5.0, 3)
+    assert ahead.throttle == pytest.approx(0.8)
+    assert ahead.steer == 0.0
+    right = Controller(CONFIG).follow(arc(6.0, 12.0), 6.0, 1)
+    left = Controller(CONFIG).follow(arc(6.0, 12.0) * (-1, 1), 6.0, 0)
+    assert right.steer == pytest.approx(-left.steer)
+    aim = arc(6.0, 12.0)[4]
+    error = math.atan2(aim[0], -aim[1]) / (math.pi / 2.0)
+    assert right.steer == pytest.approx(error * (1.0 + 0.5 / 40 + 0.2))
+
+
+@pytest.mark.parametrize(
+    ("plan", "speed", "brakes"),
+    [(straight(0.7), 5.0, True), (straight(0.9), 0.5, False), (straight(5.0), 6.0, False), (straight(5.0), 7.0, True)],
+)
+def test_it_brakes_for_a_plan_that_stops_or_is_much_slower(plan: np.ndarray, speed: float, brakes: bool) -> None:
+    assert (Controller(CONFIG).follow(plan, speed, 3).brake > 0.0) == brakes
+
+
+def test_it_stops_for_a_plan_of_no_numbers_and_does_not_race() -> None:
+    broken = straight(5.0)
+    broken[3] = np.nan
+    assert Controller(CONFIG).follow(broken, 5.0, 3) == Control(brake=1.0)
+    assert Controller(CONFIG).follow(straight(20.0), 13.0, 3).throttle == 0.0
+
+
+def test_it_creeps_after_half_a_minute_and_only_then() -> None:
+    counter = StuckCounter(CONFIG)
+    stop = Control(brake=1.0)
+    controls = [counter.step(stop, 0.0) for _ in range(600)]
+    assert all(control == stop for control in controls[:599])
+    assert controls[599].throttle == pytest.approx(0.4)
+    rolling = [counter.step(stop, 1.0) for _ in range(30)]
+    assert sum(control.throttle > 0.0 for control in rolling) == 19, "it creeps for a second in all"
+    assert rolling[-1] == stop
+
+
+def test_forecasts_in_the_way_count_when_they_are_likely_near_and_not_behind() -> None:
+    plan = straight(6.0)
+    crossing = np.stack([np.linspace(-8.0, 8.0, 10), np.full(10, plan[4, 1])], axis=1)
+    forecasts = np.full((1, 6, 10, 2), 50.0)
+    forecasts[0, 2] = crossing
+    likelihood = np.zeros((1, 6))
+    assert not collides(plan, forecasts, likelihood, CONFIG)
+    likelihood[0, 2] = 0.5
+    assert collides(plan, forecasts, likelihood, CONFIG)
+    assert not collides(plan, forecasts + np.array([0.0, -9.0]), likelihood, CONFIG), "it passes ahead"
+    behind = np.broadcast_to(straight(9.0) + np.array([0.0, 6.0]), (1, 6, 10, 2))
+    assert not collides(plan, behind, np.ones((1, 6)), CONFIG), "who comes from behind is no reason to stop"
+    assert not collides(plan, forecasts[:0], likelihood[:0], CONFIG)
