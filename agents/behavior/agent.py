@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.behavior.control import Controller
+from agents.behavior.detour import STANDOFF, Detour
 from agents.behavior.forecast import Forecaster
 from agents.behavior.hazards import RANGE, Ego, meetings
 from agents.behavior.labels import labels_of
@@ -17,8 +18,9 @@ from agents.behavior.manner import Manner
 from agents.behavior.memory import Memory
 from agents.behavior.path import STEP, PathTracker, ReferencePath, path_of_plan
 from agents.behavior.road import StopPoint, limits_along, stop_points
-from agents.behavior.speed import speed_profile, stopping, time_to_cover, towards
+from agents.behavior.speed import stopping, time_to_cover, towards
 from agents.behavior.view import View, drawings_of
+from agents.behavior.way import Way
 from agents.privileged import PrivilegedAgent
 from lavsim.drawings import Drawing
 from lavsim.map.town_map import TownMap, load_town
@@ -35,6 +37,7 @@ AT_REST = 0.05  # [m/s] below the 0.1 that counts as stopped
 SIGN_REACH = 2.5  # [m] before the end of its lane a stop counts for a stop sign, by the stricter rules of 2.x
 JUNCTION_OPTIONS = (RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT)
 DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] without a map
+LATE = 4.0  # [m/s²] it keeps off obstacles it wants to pass if that braking suffices
 PATIENCE = 20.0  # [s] of standing for others after which it takes the smallest gaps
 
 
@@ -45,6 +48,8 @@ def get_entry_point() -> str:
 
 class BehaviorAgent(PrivilegedAgent):
     """Keeps lanes, turns, stops for lights, vehicles and walkers; on `Track.PRIVILEGED`."""
+
+    radius = 200.0  # [m] to see who comes against it while it passes something
 
     def setup(self, path_to_conf_file: str | None) -> None:
         super().setup(path_to_conf_file)
@@ -76,10 +81,10 @@ class Expert:
     """
 
     def __init__(self, path: ReferencePath, town: TownMap | None, manner: Manner | None = None) -> None:
-        self.path = path
         self.manner = manner or Manner()
         limits = limits_along(path, town) if town is not None else np.full(len(path), DEFAULT_LIMIT)
-        self.profile = speed_profile(path, limits, self.manner)
+        self.way = Way(path, limits, self.manner)
+        self.detour = Detour(self.way, town)
         stops: list[StopPoint] = stop_points(path, town) if town is not None else []
         self.stops = [stop for stop in stops if stop.light >= 0]
         self.signs = [stop for stop in stops if stop.light < 0]
@@ -101,31 +106,40 @@ class Expert:
         """The control for one tick of truth."""
         xyz, yaw = truth["xyz"], truth["yaw"]
         x, y = float(xyz[0, 0]), float(xyz[0, 1])
+        path = self._tracker.path = self.way.path
         s, offset = self._tracker.update(x, y)
         speed = max(float(truth["ego_speed"]), 0.0)
         half = truth["sizes"][0] / 2.0
         ahead = s + 0.5 * speed
-        wanted = self.path.at(self.profile, ahead + 0.5)
+        wanted = path.at(self.way.profile, ahead + 0.5)
         ego = Ego(s, x, y, float(yaw[0]), speed, max(wanted, 1.0), float(half[0]), float(half[1]))
 
         begin = max(int(s / STEP), 0)
-        window = self.path.xy[begin : begin + int(RANGE / STEP)]
-        forecast = self._forecaster.update(truth, self._memory.update(truth), window)
-        met = meetings(self.path, ego, forecast, self.manner, self._patience(truth, speed))
+        window = path.xy[begin : begin + int(RANGE / STEP)]
+        memory = self._memory.update(truth)
+        forecast = self._forecaster.update(truth, memory, window)
+        met = meetings(path, ego, forecast, self.manner, self._patience(truth, speed))
         kerb = met.kerb
-        slope = (wanted - self.path.at(self.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
+        slope = (wanted - path.at(self.way.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
         bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), self.manner), False)]
         if len(met.acceleration):
             worst = int(np.argmin(met.acceleration))
             held_by = f"actor {int(truth['ids'][forecast.row[worst]])}"
             bounds.append((held_by, float(met.acceleration[worst]), math.isfinite(met.stop[worst])))
+        self.detour.update(ego, truth, memory, _first_touched(met.first, forecast.row), self.manner)
+        bounds.append((f"actor {self.detour.waits_for}", self._gap_to_wait(ego), True))
         bounds.append(("light", self._lights(ego, truth["lights"]), True))
         bounds.append(("stop sign", self._stop_sign(ego), True))
         bounds.append(("junction", self._junction(ego, met.stop), True))
         bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner), True))
         self.reason, acceleration, self._stops = min(bounds, key=lambda bound: bound[1])
         self.view = View(truth, forecast, s, min(wanted, kerb), acceleration, self.reason)
-        return self._controller.command(self.path, s, offset, ego.yaw, speed, acceleration)
+        return self._controller.command(path, s, offset, ego.yaw, speed, acceleration)
+
+    @property
+    def path(self) -> ReferencePath:
+        """What it drives now."""
+        return self.way.path
 
     def labels(self) -> dict[str, int | float | str]:
         """What it brakes for and how fast it wants to be; empty before its first tick."""
@@ -140,6 +154,13 @@ class Expert:
         stands = speed < 0.3 and self.reason.startswith("actor")
         self._waiting = self._waiting + dt if stands else max(0.0, self._waiting - 4.0 * dt)
         return 1.0 - min(self._waiting / PATIENCE, 1.0)
+
+    def _gap_to_wait(self, ego: Ego) -> float:
+        """Acceleration that leaves it room to steer round what it waits before [m/s²]; inf where that is too late."""
+        room = self.detour.waits - ego.s - ego.half_length
+        if not math.isfinite(room) or room < -STANDOFF or ego.speed**2 > 2.0 * LATE * max(room, 0.3):
+            return math.inf
+        return max(stopping(ego.speed, room, self.manner), -LATE)
 
     def _lights(self, ego: Ego, lights: Any) -> float:
         """Acceleration that the lights ahead leave [m/s²]."""
@@ -201,3 +222,11 @@ class Expert:
                 if ego.speed**2 <= 2.0 * 4.0 * max(distance, 0.3):
                     return stopping(ego.speed, distance, self.manner)
         return math.inf
+
+
+def _first_touched(places: Floats, rows: NDArray[np.int64]) -> int:
+    """Row of who stands or drives on the way first; -1 if nobody does."""
+    if not len(places):
+        return -1
+    first = int(np.argmin(places))
+    return int(rows[first]) if math.isfinite(places[first]) else -1

@@ -27,8 +27,10 @@ HORIZON = DT * (COUNT - 1)
 ON_LANE = 1.3  # [m] off the centre, and …
 ALONG_LANE = 0.6  # [rad] off the direction of a lane that a vehicle is taken to follow
 MOVING = 0.3  # [m/s]
+FLAT = 0.3  # [m] things lower than that are driven over
 SAME_LEVEL = 3.0  # [m] actors farther apart in z don't meet
 DRIFT = 0.4  # [m/s] sideways, away from its lane's middle: it changes lanes
+KEEPS_OFF = 6.0  # [s] who would take longer than that to its lane's middle doesn't go there
 RUNS_RED = 5.0  # [m/s²] who would have to brake harder than that for a red light doesn't
 CHANGES_LAST = 1.5  # [s] for which changes of speed go on, but braking goes on to a stop
 LANE_WIDTH = 3.5  # [m] by which who drifts is taken to move over
@@ -106,7 +108,7 @@ def _relevant(
     rows, moving = np.empty(len(xyz), np.int64), np.empty(len(xyz), np.int64)
     count, movers = 0, 0
     for k in range(1, len(xyz)):
-        if abs(xyz[k, 2] - xyz[0, 2]) >= SAME_LEVEL:
+        if abs(xyz[k, 2] - xyz[0, 2]) >= SAME_LEVEL or (classes[k] == _PROP and sizes[k, 2] <= FLAT):
             continue
         speed = memory[k, SPEED]
         reach = HORIZON * (speed + CHANGES_LAST * max(min(memory[k, ACCELERATION], 1.5), 0.0))
@@ -165,6 +167,8 @@ def _roll_all(
         drifts = abs(sideways) > DRIFT and (offset * sideways > 0.0 or abs(offset) < 0.3)
         drifts = drifts and ways.junction[int(hits[i, 0])] < 0
         goal = math.copysign(LANE_WIDTH, sideways) if drifts else 0.0
+        if not drifts and offset * sideways > -offset * offset / KEEPS_OFF:
+            goal = offset  # rides at the edge of its lane and stays there
         for k in range(found):
             nose = hits[i, 1] + 0.5 * sizes[row, 0]
             roll_way(

@@ -88,8 +88,8 @@ def path_through(points: Floats, yaw: Floats, options: NDArray[np.int8]) -> Refe
     sampled = np.concatenate([sampled, sampled[-1] + extra[:, None] * ahead])
     number = np.concatenate([number, np.full(len(extra), len(points) - 1)])
     course = np.unwrap(np.arctan2(np.gradient(sampled[:, 1]), np.gradient(sampled[:, 0])))
-    course = _smoothed(course)
-    curvature = _smoothed(np.gradient(course, STEP))
+    course = smoothed(course)
+    curvature = smoothed(np.gradient(course, STEP))
     slip = np.arcsin(np.clip(curvature * REAR_LENGTH, -0.4, 0.4))
     return ReferencePath(
         xy=np.ascontiguousarray(sampled[:, :2]),
@@ -180,7 +180,7 @@ def _hermite(points: Floats, yaw: Floats) -> tuple[Floats, Floats]:
     return np.concatenate([fine, points[-1:]]), np.concatenate([piece + t, [len(points) - 1.0]])
 
 
-def _smoothed(values: Floats) -> Floats:
+def smoothed(values: Floats) -> Floats:
     """Moving average over `SMOOTHING` samples, ends held."""
     half = SMOOTHING // 2
     padded = np.concatenate([np.full(half, values[0]), values, np.full(half, values[-1])])

@@ -1,0 +1,264 @@
+"""Passing what stands in the way: when it is an obstacle, on which side there is room, and whether the gap suffices."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.behavior.beside import AGAINST, BESIDE, Neighbours, ground, neighbours
+from agents.behavior.forecast import FLAT
+from agents.behavior.hazards import Ego
+from agents.behavior.manner import Manner
+from agents.behavior.memory import STOOD
+from agents.behavior.path import ReferencePath
+from agents.behavior.speed import time_to_cover
+from agents.behavior.way import BEND, Shift, Way
+from lavsim.map.town_map import TownMap
+from lavsim.types import ActorClass, Role, VehicleLight
+
+Floats = NDArray[np.float64]
+
+EVERY = 4  # ticks between looks
+REACH = 65.0  # [m] at which an obstacle is gone round
+STANDOFF = 10.0  # [m] at which it waits for a gap: nearer, it could not steer past
+CLEARANCE = 0.55  # [m] kept from what stands
+CLEARANCE_RIDER = 0.9  # [m] from who rides
+SLOW = 4.5  # [m/s] riders slower than that are passed
+STOOD_LONG = 6.0  # [s] after which a vehicle that stands alone is an obstacle
+JAM = 60.0  # [s] after which one of the traffic is
+TIGHTEST = 0.2  # [1/m] bend of the sharpest ramp
+RAMP_TIME, RAMP_LEAST, RAMP_MOST = 2.2, 10.0, 32.0  # [s], [m], [m]
+JOINED = 18.0  # [m] between obstacles that are passed in one go
+STRAIGHT = 0.03  # [1/m] it passes nothing in sharper bends
+SPARE = 1.0  # [s] left to who comes against it
+FOLLOW_GAP = 1.2  # [s] left to who comes from behind in the lane it moves to
+EASY_BRAKING = 2.0  # [m/s²] expected of them
+SIGHT = 200.0  # [m] from where on somebody it doesn't know of may come against it
+FASTEST_UNSEEN = 14.0  # [m/s]
+OUT = 0.35  # of the way aside, up to which it gives up what it began
+PULL = 1.8  # [m/s²] at which it passes
+
+_FLASHING = int(VehicleLight.LEFT_BLINKER | VehicleLight.RIGHT_BLINKER)
+_SPECIAL = int(VehicleLight.SPECIAL1 | VehicleLight.SPECIAL2)
+
+
+class Obstacle(NamedTuple):
+    """What is passed in one go: extent along and across the path [m], and speed along it [m/s]."""
+
+    rear: float
+    front: float
+    left: float
+    right: float
+    speed: float
+    is_rider: bool
+
+
+class Detour:
+    """Decides on shifts of the way.
+
+    Attributes:
+        shift: The stretch that is driven beside the path now, or None.
+        waits: Place at which it waits for a gap [m along the path, of the front]; inf where it needn't.
+        waits_for: Id of the obstacle it waits before.
+    """
+
+    def __init__(self, way: Way, town: TownMap | None) -> None:
+        self._way, self._town = way, town
+        self.shift: Shift | None = None
+        self.waits = math.inf
+        self.waits_for = 0
+        self._kind = ""
+        self._tick = 0
+
+    def update(self, ego: Ego, truth: Mapping[str, Any], memory: Floats, touched: int, manner: Manner) -> None:
+        """Looks at the road every few ticks.
+
+        Args:
+            ego: Where the ego is.
+            truth: The reading.
+            memory: (N, 5) what is remembered of its actors.
+            touched: Row of the actor that stands or drives in its way first; -1 if nobody does.
+            manner: How it drives.
+        """
+        if self.shift is not None and ego.s > self.shift.end:
+            self.shift = None
+            self._way.clear()
+        self._tick += 1
+        if self._tick % EVERY or self._town is None:
+            return
+        self.waits = math.inf
+        if self.shift is None and (touched < 0 or not _is_obstacle(touched, truth, memory)):
+            return
+        near = neighbours(self._way.base, ego.s, truth)
+        blocks = np.array([_is_obstacle(int(row), truth, memory) for row in near.row])
+        if self.shift is not None:
+            out = self.shift.begin + OUT * (self.shift.full - self.shift.begin)
+            if ego.s > out or self._is_free(ego, self.shift, self._kind, near):
+                self._prolong(ego, near, blocks, truth)
+                return
+            self.shift = None
+            self._way.clear()
+        if touched >= 0 and _is_obstacle(touched, truth, memory):
+            self._begin(ego, near, blocks, truth, touched)
+
+    def _begin(self, ego: Ego, near: Neighbours, blocks: NDArray[np.bool_], truth: Mapping[str, Any], row: int) -> None:
+        """Goes round the obstacle that begins with `row`, or waits before it."""
+        first = int(np.flatnonzero(near.row == row)[0]) if row in near.row else -1
+        if first < 0 or near.rear[first] - ego.s > REACH or near.front[first] < ego.s:
+            return
+        obstacle = _together(near, blocks, first, ego.half_width, truth)
+        options = []
+        for offset in _offsets(obstacle, ego.half_width):
+            shift = self._plan(ego, obstacle, offset)
+            kind = self._ground(ego, shift) if shift is not None else None
+            if shift is not None and kind is not None:
+                options.append((abs(offset), shift, kind))
+        if not options:
+            return
+        for _size, shift, kind in sorted(options, key=lambda option: option[0]):
+            if self._is_free(ego, shift, kind, near):
+                self.shift, self._kind = shift, kind
+                self._way.take(shift, ego.s)
+                return
+        if obstacle.speed < 0.3:
+            self.waits, self.waits_for = obstacle.rear - STANDOFF, int(truth["ids"][row])
+
+    def _prolong(self, ego: Ego, near: Neighbours, blocks: NDArray[np.bool_], truth: Mapping[str, Any]) -> None:
+        """Stays aside where there is more to pass."""
+        shift = self.shift
+        assert shift is not None
+        half = ego.half_width + CLEARANCE
+        ahead = blocks & (near.front > ego.s - ego.half_length) & (near.rear < shift.end + 2.0)
+        ahead &= (near.left < half) & (near.right > -half)
+        if not ahead.any():
+            return
+        obstacle = _joined(near, np.flatnonzero(ahead), truth)
+        leave = obstacle.front + ego.half_length + 1.0 + 2.0 * obstacle.speed
+        needed = [offset for offset in _offsets(obstacle, ego.half_width) if offset * shift.offset > 0.0]
+        offset = max([shift.offset, *needed], key=abs)
+        if leave > shift.leave + 0.5 or abs(offset) > abs(shift.offset) + 0.1:
+            fall = max(shift.end - shift.leave, _ramp(offset, RAMP_LEAST))
+            leave = max(leave, shift.leave)
+            self.shift = replace(shift, leave=leave, end=leave + fall, offset=offset)
+            self._way.take(self.shift, ego.s)
+
+    def _plan(self, ego: Ego, obstacle: Obstacle, offset: float) -> Shift | None:
+        """The shift that passes `obstacle` on the side of `offset`; None where there is no room to steer."""
+        full = obstacle.rear - ego.half_length - 0.5
+        if obstacle.speed > 0.3:  # where it is caught up with
+            closing = max(ego.wanted - obstacle.speed, 1.0)
+            gap = max(full - ego.s, 0.0)
+            full += obstacle.speed * max(gap - 12.0, 0.0) / closing
+        room = full - ego.s
+        least = math.sqrt(BEND * abs(offset) / TIGHTEST)
+        if room < least:
+            if obstacle.speed < 0.3 or room < 0.5 * least:
+                return None
+            room = least
+            full = ego.s + least
+        ramp = min(max(RAMP_TIME * ego.speed, RAMP_LEAST, least), RAMP_MOST, room)
+        leave = obstacle.front + ego.half_length + 1.0
+        if obstacle.speed > 0.3:
+            closing = max(ego.wanted - obstacle.speed, 1.0)
+            leave += obstacle.speed * (leave - ego.s) / closing
+        fall = max(_ramp(offset, RAMP_LEAST), min(1.5 * ego.wanted, 20.0))
+        return Shift(full - ramp, full, leave, leave + fall, offset)
+
+    def _ground(self, ego: Ego, shift: Shift) -> str | None:
+        """The lane it leads over; None where it can't."""
+        path = self._way.base
+        assert self._town is not None
+        if shift.end > path.end or _bends(path, max(shift.begin, ego.s), shift.end):
+            return None
+        return ground(path, self._town, max(shift.full - 2.0, 0.0), shift.leave + 2.0, shift.offset, ego.half_width)
+
+    def _is_free(self, ego: Ego, shift: Shift, kind: str, near: Neighbours) -> bool:
+        """Whether nobody is or comes where the shift leads."""
+        half = ego.half_width + 0.35
+        aside = (near.left < shift.offset + half) & (near.right > shift.offset - half)
+        ends = shift.leave + 0.6 * (shift.end - shift.leave) + ego.half_length
+        stands = aside & (np.abs(near.speed) < 0.3) & (near.front > shift.begin) & (near.rear < ends)
+        if stands.any():
+            return False
+        top = max(ego.wanted, 3.0)
+        time = time_to_cover(ends - ego.s, ego.speed, PULL, top) + 0.3
+        unseen = SIGHT - min(self._way.limit_at(ego.s), FASTEST_UNSEEN) * (time + SPARE)
+        if kind == AGAINST and ego.s + unseen < ends:
+            return False
+        against = aside & (near.speed < -0.3) & (near.front > ego.s)
+        if np.any(near.rear[against] + (near.speed[against] - 1.0) * (time + SPARE) < ends):
+            return False
+        if kind not in (BESIDE, AGAINST):
+            return True
+        along = aside & (near.speed >= 0.3)
+        front, back = ego.s + ego.half_length, ego.s - ego.half_length
+        closing = np.maximum(near.speed - ego.speed, 0.0)
+        needed = 2.0 + FOLLOW_GAP * closing + closing**2 / (2.0 * EASY_BRAKING)
+        comes = along & (near.rear < front + 3.0) & (near.front > back - needed)
+        return not comes.any()
+
+
+def _is_obstacle(row: int, truth: Mapping[str, Any], memory: Floats) -> bool:
+    """Whether an actor is to be passed instead of waited for."""
+    kind, role = int(truth["classes"][row]), int(truth["roles"][row])
+    if kind == ActorClass.PROP:
+        return float(truth["sizes"][row, 2]) > FLAT
+    if kind == ActorClass.WALKER:
+        return False
+    speed, stood = float(memory[row, 0]), float(memory[row, STOOD])
+    if kind == ActorClass.BICYCLE and speed < SLOW and role != Role.TRAFFIC:
+        return True
+    if speed > 0.3:
+        return False
+    lights = int(truth["vehicle_lights"][row])
+    if role in (Role.PROP, Role.PARKED) or lights & _FLASHING == _FLASHING or lights & _SPECIAL:
+        return True
+    return stood > (JAM if role == Role.TRAFFIC else STOOD_LONG)
+
+
+def _together(
+    near: Neighbours, blocks: NDArray[np.bool_], first: int, half_width: float, truth: Mapping[str, Any]
+) -> Obstacle:
+    """`first` with all that blocks the path close behind it."""
+    half = half_width + CLEARANCE
+    in_way = blocks & (near.left < half) & (near.right > -half)
+    in_way[first] = True
+    order = np.flatnonzero(in_way & (near.rear >= near.rear[first] - 0.5))
+    order = order[np.argsort(near.rear[order], kind="stable")]
+    chosen, front = [], near.front[first]
+    for k in order.tolist():
+        if near.rear[k] > front + JOINED:
+            break
+        chosen.append(k)
+        front = max(front, near.front[k])
+    return _joined(near, np.array(chosen), truth)
+
+
+def _joined(near: Neighbours, chosen: NDArray[np.int64], truth: Mapping[str, Any]) -> Obstacle:
+    """All of `chosen` as one."""
+    classes = truth["classes"][near.row[chosen]]
+    return Obstacle(
+        float(near.rear[chosen].min()), float(near.front[chosen].max()), float(near.left[chosen].min()),
+        float(near.right[chosen].max()), float(max(near.speed[chosen].max(), 0.0)),
+        bool(np.any(classes == ActorClass.BICYCLE)),
+    )  # fmt: skip
+
+
+def _offsets(obstacle: Obstacle, half_width: float) -> tuple[float, float]:
+    """How far aside to pass on the left and on the right."""
+    clear = CLEARANCE_RIDER if obstacle.is_rider else CLEARANCE
+    return min(obstacle.left - clear - half_width, -0.1), max(obstacle.right + clear + half_width, 0.1)
+
+
+def _ramp(offset: float, least: float) -> float:
+    return max(least, math.sqrt(BEND * abs(offset) / TIGHTEST))
+
+
+def _bends(path: ReferencePath, begin: float, end: float) -> bool:
+    low, high = int(max(begin, 0.0) * 2.0), int(end * 2.0) + 1
+    return bool(np.any(np.abs(path.curvature[low:high]) > STRAIGHT))

@@ -1,0 +1,131 @@
+"""Passing what stands in the way: when there is room, when it has to wait, and when it must not."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents.behavior.agent import Expert
+from agents.behavior.path import path_through
+from agents.behavior.way import Shift, shifted
+from lavsim.map.town_map import TownMap
+from lavsim.types import ActorClass, Role, VehicleLight
+from tests import worlds
+from tests.agents.test_behavior import FOLLOW, LENGTH, WIDTH, Other, Road, straight
+
+FLASHING = int(VehicleLight.LEFT_BLINKER | VehicleLight.RIGHT_BLINKER)
+LANE = 1.75  # [m] y of the ego's lane on a street along y = 0
+
+
+class Street(Road):
+    """A road with a town under it; actors have roles and lights, and the least gap counts turned boxes."""
+
+    roles: dict[int, Role]
+    flashing: dict[int, int]
+
+    def truth(self) -> dict[str, Any]:
+        truth = super().truth()
+        for k, other in enumerate(self.others):
+            truth["roles"][k + 1] = getattr(other, "role", Role.SCENARIO)
+            truth["vehicle_lights"][k + 1] = getattr(other, "lights", 0)
+        return truth
+
+
+def expert_on(town: TownMap, y: float = LANE, length: float = 290.0) -> Expert:
+    x = np.arange(5.0, length)
+    points = np.stack([x, np.full(len(x), y), 0.0 * x], axis=1)
+    return Expert(path_through(points, 0.0 * x, np.full(len(x), FOLLOW, np.int8)), town)
+
+
+def street(others: list[Other], town: TownMap | None = None, y: float = LANE, speed: float = 8.0) -> Street:
+    return Street(expert_on(town or worlds.straight(300.0), y), others, speed=speed, y=y)
+
+
+def parked(x: float, y: float = LANE + 0.9, role: Role = Role.PROP, lights: int = FLASHING, **more: Any) -> Other:
+    other = Other(x, y, **more)
+    other.role, other.lights = role, lights  # type: ignore[attr-defined]
+    return other
+
+
+def test_parked_car_is_passed_and_the_lane_taken_again() -> None:
+    road = street([parked(80.0)]).drive(25.0)
+    assert road.closest > 0.3
+    assert road.x > 150.0
+    assert min(road.speeds) > 4.0
+    assert road.y == pytest.approx(LANE, abs=0.1)
+    assert road.expert.path is road.expert.way.base
+
+
+def test_standing_car_of_the_traffic_is_waited_for() -> None:
+    road = street([parked(80.0, LANE, Role.TRAFFIC, 0)]).drive(25.0)
+    assert road.speed == 0.0
+    assert road.x < 76.0
+
+
+def test_three_obstacles_are_passed_in_one_go() -> None:
+    road = street([parked(80.0), parked(90.0, LANE + 1.0), parked(97.0)]).drive(30.0)
+    assert road.closest > 0.3
+    assert road.x > 150.0
+
+
+def test_props_on_the_lane_are_passed_and_flat_ones_driven_over() -> None:
+    cones = [parked(70.0 + 3.0 * k, LANE + 0.6, kind=ActorClass.PROP, size=(0.3, 0.3, 0.9)) for k in range(5)]
+    road = street(cones).drive(25.0)
+    assert road.closest > 0.1
+    assert road.x > 130.0
+    flat = street([parked(70.0, LANE, kind=ActorClass.PROP, size=(1.5, 1.5, 0.05))]).drive(12.0)
+    assert min(flat.speeds) > 6.0
+    assert max(abs(offset) for offset in flat.offsets) < 0.05
+
+
+@pytest.mark.parametrize("start", [120.0, 160.0, 200.0, 240.0])
+def test_oncoming_traffic_goes_first_or_is_far_enough(start: float) -> None:
+    comes = Other(start, -LANE, math.pi, 10.0)
+    road = street([parked(80.0, LANE + 0.2), comes]).drive(40.0)
+    assert road.closest > 0.3
+    assert road.x > 150.0
+
+
+def test_gap_in_a_stream_is_taken_without_touching_anybody() -> None:
+    stream = [Other(110.0 + 25.0 * k, -LANE, math.pi, 8.0) for k in range(12)]
+    road = street([parked(80.0, LANE + 0.2), *stream]).drive(60.0)
+    assert road.closest > 0.3
+    assert road.x > 120.0
+
+
+def test_lane_beside_is_left_to_who_comes_from_behind() -> None:
+    town = worlds.two_lanes()
+    right = float(town.centre(np.array([town.lanes.where(2)[-1]]), np.array([50.0]))[0, 1])
+    faster = Other(-10.0, right - 3.5, 0.0, 13.0)
+    road = street([parked(80.0, right), faster], town, right).drive(25.0)
+    assert road.closest > 0.3
+    assert road.x > 130.0
+
+
+def test_slow_bicycle_at_the_edge_is_passed() -> None:
+    rider = Other(60.0, LANE + 0.96, 0.0, 2.8, ActorClass.BICYCLE, (1.8, 0.6, 1.7))
+    road = street([rider]).drive(25.0)
+    assert road.closest > 0.3
+    assert road.x > rider.at(road.time)[0] + 20.0
+    assert min(road.speeds) > 3.0
+
+
+def test_road_without_another_lane_is_no_detour() -> None:
+    road = Road(Expert(straight(), None), [parked(80.0, 0.0)]).drive(20.0)
+    assert road.speed == 0.0
+    assert road.closest > 1.0
+
+
+def test_shifted_path_is_smooth_and_as_far_aside_as_asked() -> None:
+    base = straight(120.0)
+    path = shifted(base, Shift(30.0, 50.0, 70.0, 90.0, -3.0).at(np.arange(len(base), dtype=np.float64) * 0.5))
+    assert path.xy[:, 1].min() == pytest.approx(-3.0, abs=1e-6)
+    assert np.abs(path.curvature).max() < 1.1 * math.pi**2 / 2.0 * 3.0 / 20.0**2
+    assert np.abs(np.diff(path.yaw)).max() < 0.03
+    assert (path.xy[-20:] == base.xy[-20:]).all()
+
+
+__all__ = ["LENGTH", "WIDTH"]
