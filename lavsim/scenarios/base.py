@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from lavsim.map.town_map import TownMap, Waypoint
     from lavsim.scenarios.place import Site
 
+__all__ = ["GENERATIONS", "SCENARIOS", "Actor", "Scenario", "ScenarioSpec", "Script", "Stage", "make_scenario"]
+
 Script = Generator[None, None, None]
 GENERATIONS = ("1.0", "2.x")
 
@@ -129,6 +131,18 @@ class Scenario(ABC):
     @abstractmethod
     def fits(self, site: Site) -> str | None:
         """Why it can't stand at `site`; None when it can. Asked when the route loads."""
+
+    def suits(self, site: Site) -> str | None:
+        """Why a new route file should not put it at `site`; asks more than `fits` where old files ask too little."""
+        return self.fits(site)
+
+    @classmethod
+    def suggest(cls, site: Site) -> Mapping[str, Any] | None:
+        """Parameters, as a route file gives them, with which it stands well at `site`; None where it can't.
+
+        By default none at all; types whose parameters have no defaults find some.
+        """
+        return {} if cls(cls.Config()).suits(site) is None else None
 
     @abstractmethod
     def place(self, stage: Stage) -> None:

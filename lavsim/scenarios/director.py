@@ -17,7 +17,7 @@ from lavsim.scenarios.hands import EgoHand, FlagsHand, LightsHand, TrafficHand
 from lavsim.scenarios.place import Site
 from lavsim.traffic.population import Traffic
 from lavsim.world.lights import TrafficLights
-from lavsim.world.snapshot import HAZARD_DTYPE
+from lavsim.world.snapshot import HAZARD_DTYPE, HAZARD_OWNS_TIMER
 from lavsim.world.world import World
 
 _PLACE_RANGE = 500.0  # [m] from the ego within which a hazard's actors appear
@@ -25,6 +25,7 @@ _RETRY_TICKS = 20  # between attempts to place a hazard whose place is taken; as
 TRIGGER_RADIUS = {"1.0": 1.5, "2.x": 2.0}  # [m] of the ego's route point from the trigger that sets a hazard off
 _TRIGGER_GAP = 2.0  # [m] and
 _TRIGGER_TURN = np.radians(10.0)  # off the route: farther and the leaderboard ignores a trigger
+_LONGEST = 4800  # ticks after which a hazard that owns a timer is over, come what may: 240 s (reference, 6.3)
 _NONE = np.zeros(0, dtype=HAZARD_DTYPE)
 
 
@@ -39,6 +40,7 @@ class _Hazard:
     given_up: int | None = None  # tick up to which a hazard that is set off is tried
     is_placed: bool = False
     is_over: bool = False
+    begun: int = 0  # tick at which it was set off
     script: Script | None = field(default=None)
 
 
@@ -112,6 +114,10 @@ class Director:
                 next(hazard.script)  # type: ignore[arg-type]
             except (StopIteration, ScenarioError):  # what finds no room later on is left out, too
                 self._end(hazard)
+                continue
+            owns_timer = hazard.stage.flags.bits & HAZARD_OWNS_TIMER
+            if owns_timer and self._world.tick - hazard.begun >= _LONGEST:
+                self._end(hazard)
 
     def _set_off(self, hazard: _Hazard, route_point: NDArray[np.float64]) -> bool:
         """Starts the script of a hazard whose trigger the ego has reached; whether it runs."""
@@ -123,7 +129,7 @@ class Director:
         if not hazard.is_placed and hazard.scenario.appears_at_trigger:
             self._try_to_place(hazard)
         if hazard.is_placed:
-            hazard.script = hazard.scenario.script(hazard.stage)
+            hazard.script, hazard.begun = hazard.scenario.script(hazard.stage), self._world.tick
             return True
         if self._world.tick >= hazard.given_up:  # no room: left out, as the leaderboard skips what can't be set up
             self._end(hazard)

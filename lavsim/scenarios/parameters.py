@@ -11,7 +11,7 @@ import math
 import types
 import typing
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any, NamedTuple
 
 from lavsim.errors import ScenarioError
@@ -84,6 +84,9 @@ def parse_parameters(config: type[Any], given: Mapping[str, Any]) -> dict[str, A
             result[name] = _parsed(known[name], value)
         except (TypeError, ValueError, KeyError, IndexError):
             raise ScenarioError(f"{name} must be {_described(known[name])}, got {value!r}.") from None
+    for f in fields(config):
+        if f.name not in result and f.default is MISSING and f.default_factory is MISSING:
+            raise ScenarioError(f"{f.name} is missing.")
     return result
 
 

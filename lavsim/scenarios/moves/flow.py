@@ -51,7 +51,7 @@ class ActorFlow:
         gap: Interval = GAP,
         models: Sequence[str] = CARS,
         prefilled: bool = False,
-        keeps_distance: bool = True,
+        keeps_distance: bool = False,
         most: int | None = None,
         offset: float = 0.0,
     ) -> None:
