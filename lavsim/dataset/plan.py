@@ -6,7 +6,6 @@ whose kept frames reach the number that was asked for.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,7 +25,9 @@ from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap, load_town, town_names
 from lavsim.random import Draws
+from lavsim.scenarios.base import SCENARIOS
 from lavsim.simulation import DriveSpec
+from lavsim.towns.facts import bundled_facts
 from lavsim.traffic.profiles import TRAFFIC_PROFILES
 from lavsim.types import LaneType
 from lavsim.world.weather import WeatherKeyframe
@@ -50,8 +51,10 @@ class CollectPlan(Config):
     Each episode draws its route, weather, hazards and numbers of actors for itself; towns take turns.
     """
 
-    towns: tuple[str, ...] = Field(min_length=1, description="episode k drives in town k modulo their number")
-    frames: int = Field(ge=1, description="kept frames (4 a second) that the dataset has at least")
+    towns: tuple[str, ...] = Field(
+        default_factory=lambda: named_towns("training"), min_length=1, description="episode k drives in town k modulo n"
+    )
+    frames: int = Field(default=1000, ge=1, description="kept frames (4 a second) that the dataset has at least")
     seed: int = Field(default=0, ge=0, description="root of all draws")
     weathers: tuple[str, ...] = Field(default=(REDRAWN,), min_length=1, description="'lav', or presets of CARLA 0.9.10")
     traffic: str = Field(default="lav", description="traffic profile")
@@ -184,16 +187,24 @@ def episode_name(number: int) -> str:
     return f"ep_{number:06d}"
 
 
-def read_plan(path: Path) -> CollectPlan:
-    """The plan in a file that `CollectPlan.to_json` went into.
+def named_towns(text: str) -> tuple[str, ...]:
+    """Towns by name, separated by commas; "training", "test" and "full" stand for the bundled towns of that split."""
+    found: list[str] = []
+    for name in (part.strip() for part in text.split(",")):
+        found += [town for town, facts in bundled_facts().items() if facts.split == name] or [name]
+    return tuple(dict.fromkeys(filter(None, found)))
 
-    Raises:
-        ConfigError: it can't be read.
-    """
-    try:
-        return CollectPlan.from_json(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"can't read the plan {path}: {error}") from None
+
+def named_hazards(text: str) -> tuple[str, ...]:
+    """Types of hazards, separated by commas; "none", "lav" for those of LAV's collector, "all" for all there are."""
+    if text in ("none", ""):
+        return ()
+    if text == "lav":
+        return LAV_HAZARDS
+    if text == "all":
+        keys = [key for key in SCENARIOS if isinstance(key, tuple)]
+        return tuple(sorted({str(kind) for _, kind in keys}))
+    return tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
 
 
 def _weather(name: str, draws: Draws) -> tuple[WeatherKeyframe, ...] | RedrawnWeather:
