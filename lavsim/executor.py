@@ -119,9 +119,12 @@ class ProcessExecutor:
                             left.append(task)
             finally:
                 if pending:  # interrupted, or a task raised: what still runs is of no use to anybody
+                    processes = list((pool._processes or {}).values())  # shutdown forgets them
                     pool.shutdown(wait=False, cancel_futures=True)
-                    for process in list((pool._processes or {}).values()):
+                    for process in processes:
                         process.terminate()
+                    for process in processes:
+                        process.join()
         return left
 
 

@@ -39,6 +39,14 @@ def slow(task: str, report: Report) -> None:
     time.sleep(60.0)
 
 
+def nap(task: str, report: Report) -> None:
+    """The first task ends when another has begun; the others would go on for a minute."""
+    if not Path(task).is_dir():
+        return slow(task, report)
+    while not any(Path(task).iterdir()):
+        time.sleep(0.05)
+
+
 def results(executor: Any, work: Any, tasks: list[Any]) -> dict[Any, Any]:
     return {done.task: done.result for done in executor.run(work, tasks)}
 
@@ -81,6 +89,17 @@ def test_who_has_enough_of_tasks_without_end_stops(executor: Any) -> None:
     assert all(done.result == done.task**2 for done in itertools.islice(work, 3))
     work.close()
     assert len(taken) <= 3 + 2 * 2
+
+
+def test_workers_of_who_has_enough_end_in_the_middle_of_their_tasks(tmp_path: Path) -> None:
+    work = ProcessExecutor(2).run(nap, [str(tmp_path / name) for name in ("", "a", "b", "c")])
+    assert next(work).result is None
+    begun = time.monotonic()
+    work.close()  # type: ignore[attr-defined]
+    assert time.monotonic() - begun < 30.0
+    workers = [int(path.read_text()) for path in tmp_path.iterdir()]
+    assert workers
+    assert not any(map(psutil.pid_exists, workers))
 
 
 @pytest.mark.parametrize("executor", [SerialExecutor(), ProcessExecutor(2)], ids=["serial", "process"])
