@@ -26,6 +26,7 @@ class EpisodeRecord:
         agent_status: `AgentStatus`; 0 is well.
         files: Size and SHA-256 of each file, by its path in the dataset's folder.
         facts: What the collector adds, in JSON types.
+        breaks: Frames before which time jumps, because the ego stood too long.
     """
 
     episode: int
@@ -39,6 +40,7 @@ class EpisodeRecord:
     agent_status: int
     files: Mapping[str, FileFacts]
     facts: Mapping[str, Any] = field(default_factory=dict)
+    breaks: tuple[int, ...] = ()
 
     def write(self, root: Path) -> None:
         """Writes it: from now on the episode exists."""
@@ -58,4 +60,4 @@ class EpisodeRecord:
             files = {name: FileFacts(**facts) for name, facts in values["files"].items()}
         except (KeyError, TypeError) as error:
             raise DatasetError(f"{path.name} is incomplete: {error}.") from None
-        return EpisodeRecord(**{**values, "files": files})
+        return EpisodeRecord(**{**values, "files": files, "breaks": tuple(values["breaks"])})

@@ -11,11 +11,10 @@ from lavsim.dataset.codecs import find_codec
 from lavsim.dataset.files import FileFacts, partial_of, publish
 from lavsim.dataset.frames import FrameMaker
 from lavsim.dataset.record import EpisodeRecord
-from lavsim.dataset.schema import DatasetInfo, FieldSpec, file_of
+from lavsim.dataset.schema import TICKS_PER_FRAME, DatasetInfo, FieldSpec, file_of
 from lavsim.dataset.shard import ShardWriter
 from lavsim.dataset.tables import Table, write_table
 from lavsim.dataset.watched import Driver
-from lavsim.errors import DatasetError
 from lavsim.log.writer import LogWriter
 from lavsim.render.scene import get_scene
 from lavsim.world.snapshot import Snapshot
@@ -59,6 +58,8 @@ class EpisodeWriter:
         self._log: LogWriter | None = None
         self._shard: ShardWriter | None = None
         self._distance = 0.0
+        self._kept: int | None = None  # tick of the newest frame
+        self._breaks: list[int] = []
         self._before: Snapshot | None = None
         self.frames = 0
         self.record: EpisodeRecord | None = None
@@ -67,7 +68,7 @@ class EpisodeWriter:
         """Opens the files.
 
         Raises:
-            DatasetError: they can't be written.
+            OSError: they can't be written; nothing is left of the episode.
         """
         with self._writing():
             self._open(simulation)
@@ -76,7 +77,7 @@ class EpisodeWriter:
         """Keeps a tick; never ends the drive.
 
         Raises:
-            DatasetError: it can't be written.
+            OSError: it can't be written; nothing is left of the episode.
         """
         with self._writing():
             self._see(snapshot)
@@ -86,7 +87,7 @@ class EpisodeWriter:
         """Makes the episode exist, unless the drive was interrupted.
 
         Raises:
-            DatasetError: it can't be written.
+            OSError: it can't be written; nothing is left of the episode.
         """
         if result.ending == "interrupted":
             self.abandon()
@@ -106,9 +107,6 @@ class EpisodeWriter:
     def _writing(self) -> Iterator[None]:
         try:
             yield
-        except OSError as error:
-            self.abandon()
-            raise DatasetError(f"episode {self._episode} can't be written: {error.strerror or error}.") from None
         except BaseException:
             self.abandon()
             raise
@@ -133,7 +131,7 @@ class EpisodeWriter:
             self._distance += float((step @ step) ** 0.5)
         self._before = snapshot
         if self._maker.see(snapshot):
-            self._keep()
+            self._keep(snapshot)
 
     def _close(self, result: EpisodeResult) -> None:
         assert self._log is not None
@@ -141,11 +139,11 @@ class EpisodeWriter:
         spec, status = self._spec, int(result.summary()["agent_status"])
         self.record = EpisodeRecord(
             self._episode, spec.town, spec.route_id, spec.seed, self.frames, result.ticks, round(self._distance, 3),
-            result.ending, status, self._publish(), self._facts,
+            result.ending, status, self._publish(), self._facts, tuple(self._breaks),
         )  # fmt: skip
         self.record.write(self._root)
 
-    def _keep(self) -> None:
+    def _keep(self, snapshot: Snapshot) -> None:
         record, driver = self._info.record, self._driver
         seen = self._maker.read() if record.blobs else None
         if record.tables:
@@ -153,6 +151,9 @@ class EpisodeWriter:
             self._rows.append(self._maker.row(labels, driver.wish if driver is not None else None, seen))
         if seen is not None and self._shard is not None:
             self._shard.add([find_codec(item.codec).encode(seen.blobs[item.name]) for item in self._info.blobs])
+        if self._kept is not None and snapshot.tick != self._kept + TICKS_PER_FRAME:
+            self._breaks.append(self.frames)
+        self._kept = snapshot.tick
         self.frames += 1
 
     def _publish(self) -> dict[str, FileFacts]:

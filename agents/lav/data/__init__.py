@@ -1,0 +1,1 @@
+"""Training samples of LAV from datasets."""
