@@ -53,7 +53,8 @@ def collect(
     """Drive the behaviour agent through random routes and record a dataset."""
     from lavsim.config import parse_config, read_config
     from lavsim.dataset.collect import collect as run
-    from lavsim.dataset.plan import FRAMES_PER_HOUR, CollectPlan, named_hazards, named_towns
+    from lavsim.dataset.hazards import named_hazards
+    from lavsim.dataset.plan import FRAMES_PER_HOUR, CollectPlan, named_towns
 
     if frames is not None and hours is not None:
         raise typer.BadParameter("--frames and --hours say the same: give one of them")

@@ -18,6 +18,7 @@ from pydantic import Field, field_validator
 
 from lavsim.agent import AgentSpec
 from lavsim.config import Config, parse_config, resolved
+from lavsim.dataset.hazards import generation_of, hazards_along
 from lavsim.dataset.noise import ControlNoise
 from lavsim.dataset.schema import TICKS_PER_FRAME
 from lavsim.errors import ConfigError, LavsimError, RouteError, UnknownName
@@ -25,7 +26,6 @@ from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap, load_town, town_names
 from lavsim.random import Draws
-from lavsim.scenarios.base import SCENARIOS
 from lavsim.simulation import DriveSpec
 from lavsim.towns.facts import bundled_facts
 from lavsim.traffic.profiles import TRAFFIC_PROFILES
@@ -36,7 +36,6 @@ from lavsim.world.weather_redrawn import RedrawnWeather
 
 PLAN_SCHEMA = 1
 REDRAWN = "lav"  # the weather that is drawn anew every 10 s
-LAV_HAZARDS = ("Scenario1", "Scenario3", "Scenario4", "Scenario7", "Scenario8", "Scenario9", "Scenario10")
 MOST_FRAMES = 400  # of an episode, as in LAV's dataset
 FRAMES_PER_HOUR = 4 * 3600
 
@@ -88,6 +87,13 @@ class CollectPlan(Config):
             raise UnknownName("traffic profile", value, TRAFFIC_PROFILES)
         return value
 
+    @field_validator("hazards")
+    @classmethod
+    def _known_hazards(cls, values: tuple[str, ...]) -> tuple[str, ...]:
+        for name in values:
+            generation_of(name)
+        return values
+
     @field_validator("vehicles", "walkers", "length")
     @classmethod
     def _rising(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -129,6 +135,7 @@ class CollectPlan(Config):
             route_id=str(number),
             keypoints=route.keypoints,
             weather=_weather(weather, draws),
+            scenarios=hazards_along(town, route, self.hazards, self.hazards_per_km, draws.stream("hazards")),
             seed=draws.key % 2**_SEED_BITS,
             traffic=self.traffic,
             vehicles=_count(self.vehicles, draws.stream("vehicles")),
@@ -193,18 +200,6 @@ def named_towns(text: str) -> tuple[str, ...]:
     for name in (part.strip() for part in text.split(",")):
         found += [town for town, facts in bundled_facts().items() if facts.split == name] or [name]
     return tuple(dict.fromkeys(filter(None, found)))
-
-
-def named_hazards(text: str) -> tuple[str, ...]:
-    """Types of hazards, separated by commas; "none", "lav" for those of LAV's collector, "all" for all there are."""
-    if text in ("none", ""):
-        return ()
-    if text == "lav":
-        return LAV_HAZARDS
-    if text == "all":
-        keys = [key for key in SCENARIOS if isinstance(key, tuple)]
-        return tuple(sorted({str(kind) for _, kind in keys}))
-    return tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
 
 
 def _weather(name: str, draws: Draws) -> tuple[WeatherKeyframe, ...] | RedrawnWeather:

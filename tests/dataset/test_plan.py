@@ -8,10 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lavsim.config import parse_config
-from lavsim.dataset.plan import CollectPlan
+from lavsim.dataset.hazards import AFTER_START, BEFORE_END, known_hazards, named_hazards
+from lavsim.dataset.plan import CollectPlan, named_towns
 from lavsim.errors import ConfigError, LavsimError, RouteError, UnknownName
 from lavsim.map.planner import get_planner
 from lavsim.map.town_map import load_town
+from lavsim.scenarios.suggest import fits_at
 from lavsim.world.weather_redrawn import RedrawnWeather
 
 TOWNS = ("eu_small_a", "eu_small_b")
@@ -104,3 +106,35 @@ def test_a_plan_of_another_schema_is_refused() -> None:
 def test_routes_start_anywhere_in_town() -> None:
     starts = np.array([PLAN.episode(2 * number).spec.keypoints[0, :2] for number in range(20)])
     assert np.ptp(starts, axis=0).min() > 150.0
+
+
+def test_hazards_stand_where_they_fit_at_most_one_on_a_stretch() -> None:
+    plan = CollectPlan(towns=TOWNS, frames=1, hazards=("DynamicObjectCrossing", "VehicleTurningRoute"))
+    kinds = set()
+    for number in range(6):
+        spec = plan.episode(number).spec
+        town = load_town(spec.town)
+        route = get_planner(town).trace(spec.keypoints)
+        at = [int(np.argmin(np.hypot(*(route.xy - hazard.trigger[:2]).T))) for hazard in spec.scenarios]
+        stretches = [int((route.distance[index] - AFTER_START) // (1000.0 / 3.0)) for index in at]
+        assert all(AFTER_START <= route.distance[index] <= route.length - BEFORE_END + 2.0 for index in at)
+        assert len(set(stretches)) == len(stretches)
+        assert len({hazard.name for hazard in spec.scenarios}) == len(spec.scenarios)
+        for index, hazard in zip(at, spec.scenarios, strict=True):
+            assert fits_at(town, route, index, hazard.type, hazard.generation) is None
+        kinds |= {hazard.type for hazard in spec.scenarios}
+    assert kinds == {"DynamicObjectCrossing", "VehicleTurningRoute"}
+
+
+def test_hazards_are_named_one_by_one_or_by_set() -> None:
+    assert named_hazards("none") == ()
+    assert named_hazards("lav")[0] == "Scenario1"
+    assert named_hazards("all") == known_hazards()
+    assert named_hazards("Accident, ParkedObstacle") == ("Accident", "ParkedObstacle")
+    with pytest.raises(UnknownName, match=r"no hazard 'Acident'\. Did you mean 'Accident'"):
+        CollectPlan(hazards=("Acident",))
+
+
+def test_splits_stand_for_their_towns() -> None:
+    assert named_towns("training") == ("eu_small_a", "us_large_a", "us_large_b", "us_highway") == CollectPlan().towns
+    assert named_towns("test,eu_small_a") == ("eu_small_b", "us_large_c", "eu_small_a")
