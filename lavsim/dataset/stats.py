@@ -86,7 +86,7 @@ class Histogram:
             return {}
         named = {f"q{q:02d}": self.quantile(q / 100.0) for q in (5, 25, 50, 75, 95)}
         found = {"mean": self.mean, "least": self.least, **named, "most": self.most}
-        return {"count": self.total, **{name: round(value, 4) for name, value in found.items()}}
+        return {"count": self.total, **{name: round(value, 4) + 0.0 for name, value in found.items()}}
 
 
 @dataclass(frozen=True)
