@@ -146,8 +146,11 @@ class RayExecutor:
         self._ray: Any = ray
         try:
             if not ray.is_initialized():
+                here = {"_node_ip_address": "127.0.0.1"} if address == "local" else {}
+                os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it would tell its makers
                 ray.init(
                     address=None if address == "local" else address,
+                    **here,
                     include_dashboard=False,
                     log_to_driver=False,
                     logging_level="ERROR",

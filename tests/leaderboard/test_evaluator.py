@@ -320,3 +320,14 @@ def test_a_run_is_resumed_as_it_was_begun_or_not_at_all(tmp_path: Path) -> None:
 
 def test_resuming_in_an_empty_folder_begins(tmp_path: Path) -> None:
     assert statuses(evaluate(steady(tmp_path, 1, resume=True))) == ["Completed"]
+
+
+@pytest.mark.slow
+def test_a_cluster_drives_what_one_process_drives(tmp_path: Path) -> None:
+    ray = pytest.importorskip("ray")
+    alone = evaluate(steady(tmp_path, 3))
+    try:
+        together = evaluate(steady(tmp_path, 3, out=tmp_path / "cluster", cluster="local"))
+    finally:
+        ray.shutdown()
+    assert same(alone, together)
