@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.behavior.config import config_of
 from agents.behavior.control import Controller
 from agents.behavior.detour import STANDOFF, Detour
 from agents.behavior.forecast import Forecaster
@@ -18,6 +19,7 @@ from agents.behavior.manner import Manner
 from agents.behavior.memory import Memory
 from agents.behavior.path import STEP, PathTracker, ReferencePath, path_of_plan
 from agents.behavior.road import StopPoint, limits_along, stop_points
+from agents.behavior.sight import Seen
 from agents.behavior.speed import stopping, time_to_cover, towards
 from agents.behavior.view import View, drawings_of
 from agents.behavior.way import Way
@@ -53,12 +55,20 @@ class BehaviorAgent(PrivilegedAgent):
 
     def setup(self, path_to_conf_file: str | None) -> None:
         super().setup(path_to_conf_file)
+        self.config = config_of(path_to_conf_file)
+        self._seen = Seen(self.config.sight) if self.config.visible_only else None
         self._expert: Expert | None = None
+
+    def sensors(self) -> list[dict[str, Any]]:
+        (truth,) = super().sensors()
+        return [{**truth, "visibility": True} if self.config.visible_only else truth]
 
     def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
         truth = input_data["truth"][1]
+        if self._seen is not None:
+            truth = self._seen.filter(truth)
         if self._expert is None:
-            self._expert = Expert(path_of_plan(self.dense_plan), load_town(truth["town"]))
+            self._expert = Expert(path_of_plan(self.dense_plan), load_town(truth["town"]), self.config.manner)
         return self._expert.drive(truth)
 
     def labels(self) -> dict[str, int | float | str]:
@@ -84,11 +94,12 @@ class Expert:
         self.manner = manner or Manner()
         limits = limits_along(path, town) if town is not None else np.full(len(path), DEFAULT_LIMIT)
         self.way = Way(path, limits, self.manner)
-        self.detour = Detour(self.way, town)
         stops: list[StopPoint] = stop_points(path, town) if town is not None else []
         self.stops = [stop for stop in stops if stop.light >= 0]
         self.signs = [stop for stop in stops if stop.light < 0]
         self.junctions = path.spans(JUNCTION_OPTIONS)
+        lines = [*(stop.s for stop in stops), *(begin for begin, _ in self.junctions)]
+        self.detour = Detour(self.way, town, lines)
         self._tracker = PathTracker(path)
         self._forecaster = Forecaster(town)
         self._memory = Memory()

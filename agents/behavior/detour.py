@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from agents.behavior.beside import AGAINST, BESIDE, Neighbours, ground, neighbou
 from agents.behavior.forecast import FLAT
 from agents.behavior.hazards import Ego
 from agents.behavior.manner import Manner
-from agents.behavior.memory import STOOD
+from agents.behavior.memory import SPEED, STOOD
 from agents.behavior.path import ReferencePath
 from agents.behavior.speed import time_to_cover
 from agents.behavior.way import BEND, Shift, Way
@@ -30,6 +30,8 @@ CLEARANCE = 0.55  # [m] kept from what stands
 CLEARANCE_RIDER = 0.9  # [m] from who rides
 SLOW = 4.5  # [m/s] riders slower than that are passed
 STOOD_LONG = 6.0  # [s] after which a vehicle that stands alone is an obstacle
+QUEUE_GAP = 12.0  # [m] to somebody ahead, in whose queue it then stands
+LINE_REACH = 35.0  # [m] before a stop line or a junction vehicles stand for it
 JAM = 60.0  # [s] after which one of the traffic is
 TIGHTEST = 0.2  # [1/m] bend of the sharpest ramp
 RAMP_TIME, RAMP_LEAST, RAMP_MOST = 2.2, 10.0, 32.0  # [s], [m], [m]
@@ -61,14 +63,19 @@ class Obstacle(NamedTuple):
 class Detour:
     """Decides on shifts of the way.
 
+    Args:
+        way: What is driven.
+        town: The town's map; without it nothing is passed.
+        lines: Places of stop lines and beginnings of junctions along the way [m].
+
     Attributes:
         shift: The stretch that is driven beside the path now, or None.
         waits: Place at which it waits for a gap [m along the path, of the front]; inf where it needn't.
         waits_for: Id of the obstacle it waits before.
     """
 
-    def __init__(self, way: Way, town: TownMap | None) -> None:
-        self._way, self._town = way, town
+    def __init__(self, way: Way, town: TownMap | None, lines: Sequence[float] = ()) -> None:
+        self._way, self._town, self._lines = way, town, np.array(lines, dtype=np.float64)
         self.shift: Shift | None = None
         self.waits = math.inf
         self.waits_for = 0
@@ -92,10 +99,13 @@ class Detour:
         if self._tick % EVERY or self._town is None:
             return
         self.waits = math.inf
-        if self.shift is None and (touched < 0 or not _is_obstacle(touched, truth, memory)):
+        rows = np.array([touched] if touched >= 0 else [], dtype=np.int64)
+        sure, long = _obstacles(truth, memory, rows)
+        if self.shift is None and not np.any(sure | long):
             return
         near = neighbours(self._way.base, ego.s, truth)
-        blocks = np.array([_is_obstacle(int(row), truth, memory) for row in near.row])
+        is_blocked = bool(np.any(sure)) or (bool(np.any(long)) and self._is_alone(touched, near))
+        blocks = np.logical_or(*_obstacles(truth, memory, near.row))
         if self.shift is not None:
             out = self.shift.begin + OUT * (self.shift.full - self.shift.begin)
             if ego.s > out or self._is_free(ego, self.shift, self._kind, near):
@@ -103,8 +113,18 @@ class Detour:
                 return
             self.shift = None
             self._way.clear()
-        if touched >= 0 and _is_obstacle(touched, truth, memory):
+        if is_blocked:
             self._begin(ego, near, blocks, truth, touched)
+
+    def _is_alone(self, row: int, near: Neighbours) -> bool:
+        """Whether a vehicle stands for itself: in no queue, and not before a light or a junction."""
+        own = np.flatnonzero(near.row == row)
+        if not len(own):
+            return False
+        front = float(near.front[own[0]])
+        ahead = (near.rear > front - 1.0) & (near.rear < front + QUEUE_GAP) & (near.left < 1.5) & (near.right > -1.5)
+        held = np.any((self._lines > front - 2.0) & (self._lines < front + LINE_REACH))
+        return not held and not np.any(ahead & (np.abs(near.speed) < SLOW))
 
     def _begin(self, ego: Ego, near: Neighbours, blocks: NDArray[np.bool_], truth: Mapping[str, Any], row: int) -> None:
         """Goes round the obstacle that begins with `row`, or waits before it."""
@@ -203,22 +223,18 @@ class Detour:
         return not comes.any()
 
 
-def _is_obstacle(row: int, truth: Mapping[str, Any], memory: Floats) -> bool:
-    """Whether an actor is to be passed instead of waited for."""
-    kind, role = int(truth["classes"][row]), int(truth["roles"][row])
-    if kind == ActorClass.PROP:
-        return float(truth["sizes"][row, 2]) > FLAT
-    if kind == ActorClass.WALKER:
-        return False
-    speed, stood = float(memory[row, 0]), float(memory[row, STOOD])
-    if kind == ActorClass.BICYCLE and speed < SLOW and role != Role.TRAFFIC:
-        return True
-    if speed > 0.3:
-        return False
-    lights = int(truth["vehicle_lights"][row])
-    if role in (Role.PROP, Role.PARKED) or lights & _FLASHING == _FLASHING or lights & _SPECIAL:
-        return True
-    return stood > (JAM if role == Role.TRAFFIC else STOOD_LONG)
+def _obstacles(
+    truth: Mapping[str, Any], memory: Floats, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which of `rows` are to be passed instead of waited for: for sure, and because they have stood for long."""
+    kind, role, lights = truth["classes"][rows], truth["roles"][rows], truth["vehicle_lights"][rows]
+    speed, stood = memory[rows, SPEED], memory[rows, STOOD]
+    stands = (kind <= ActorClass.BICYCLE) & (speed <= 0.3)
+    marked = (role == Role.PROP) | (role == Role.PARKED) | (lights & _FLASHING == _FLASHING) | (lights & _SPECIAL != 0)
+    sure = stands & marked
+    sure |= (kind == ActorClass.PROP) & (truth["sizes"][rows, 2] > FLAT)
+    sure |= (kind == ActorClass.BICYCLE) & (speed < SLOW) & (role != Role.TRAFFIC)
+    return sure, stands & (stood > np.where(role == Role.TRAFFIC, JAM, STOOD_LONG))
 
 
 def _together(

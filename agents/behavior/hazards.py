@@ -131,6 +131,8 @@ def _meet(
                 break
         if when < 0 or _comes_from_behind(ego, poses[h, 0], half[h, 0], speed[h]):
             continue
+        if when == 0 and first[h, 0] * STEP < 0.6 and speed[h] < 0.3 and _ahead_of(ego, poses[h, 0]) < 0.0:
+            continue  # stands against the ego's side: going on leaves it behind
         if when == 0:
             touches[h] = base + STEP * first[h, 0]
         direction = course[min(int(first[h, when]), len(course) - 1)]
