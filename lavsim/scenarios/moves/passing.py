@@ -1,0 +1,79 @@
+"""Something stands in the ego's lane and is passed: by the lane beside it, or against oncoming traffic."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lavsim.map.town_map import Waypoint
+from lavsim.scenarios.base import Scenario, Script, Stage
+from lavsim.scenarios.moves import wait
+from lavsim.scenarios.moves.checks import DIRECTIONS
+from lavsim.scenarios.moves.flow import ActorFlow
+from lavsim.scenarios.moves.opposing import oncoming_line
+from lavsim.scenarios.moves.roadside import lane_ahead
+from lavsim.scenarios.parameters import Interval
+from lavsim.scenarios.place import Site, beside, oncoming
+from lavsim.world.snapshot import HAZARD_OWNS_TIMER, HAZARD_WRONG_LANE_OFF
+
+END = 50.0  # [m] behind the last obstacle where the ego has passed
+WAIT = 5.0  # [s] from the ego's coming near until traffic beside or against it moves
+_FLOW_TIME, _FLOW_BASE = 1.5, 30.0  # [m per km/h], [m]: how far off oncoming traffic begins
+_SLOWED = 100.0  # [m] of road ahead on which traffic minds a limit
+_EARLIER = 20.0  # [m] that a road must go on behind the last obstacle
+
+
+def no_place(site: Site, length: float, direction: str, against_traffic: bool) -> str | None:
+    """Why nothing that reaches `length` metres on from the trigger can stand in the lane and be passed."""
+    first, last = lane_ahead(site, length), lane_ahead(site, length + _EARLIER)
+    if first is None or last is None:
+        return f"the road ends within {length + _EARLIER:g} m of the trigger"
+    if against_traffic:
+        return None if oncoming(first) is not None else "there is no oncoming lane to pass it by"
+    other = DIRECTIONS[1 - DIRECTIONS.index(direction)]
+    return None if beside(first, other) is not None else f"there is no lane to the {other} to pass it by"
+
+
+def passage(stage: Stage, near: NDArray[np.float64], range_: float, length: float, traffic: Script) -> Script:
+    """Waits for the ego to come within `range_` of `near` and to pass `length` metres after the trigger and `END`.
+
+    Args:
+        stage: What to act on.
+        near: (2,) place of the first obstacle [m].
+        range_: [m].
+        length: From the trigger to the last obstacle [m].
+        traffic: Runs beside it from `WAIT` seconds after the ego came near.
+    """
+    stage.flags.set(HAZARD_OWNS_TIMER)
+    ego = stage.world.ego
+    passed = stage.site.at + length + END
+    yield from wait.until(lambda: float(np.hypot(*(near - ego.xy))) < range_ or stage.progress() > passed)
+    yield from wait.seconds(WAIT)
+    yield from wait.beside(wait.until(lambda: stage.progress() > passed), traffic)
+
+
+def slowed_traffic(stage: Stage, speed: float) -> Script:
+    """Keeps background vehicles on the road ahead from driving faster than `speed` [m/s]."""
+    while True:
+        stage.traffic.hold(stage.traffic.ahead(_SLOWED), speed)
+        yield
+
+
+def oncoming_traffic(
+    scenario: Scenario, stage: Stage, beside_it: Waypoint, gap: Interval, lasting: bool = False
+) -> Script:
+    """Lets traffic come against the ego and allows it the other lane meanwhile, for ever if `lasting`.
+
+    Args:
+        scenario: Whose actors they are.
+        stage: What to act on.
+        beside_it: Lane centre of the obstacle.
+        gap: Between two that start [m].
+        lasting: Whether the test for wrong lanes stays off when the hazard is over.
+    """
+    stage.flags.set(HAZARD_WRONG_LANE_OFF, lasting=lasting)
+    speed = beside_it.speed_limit
+    reach = _FLOW_TIME * 3.6 * speed + _FLOW_BASE
+    line = oncoming_line(beside_it, reach, reach)
+    assert line is not None  # `fits` has seen to it
+    yield from ActorFlow(scenario, stage, line, speed, gap, keeps_distance=True).run()
