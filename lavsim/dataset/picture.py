@@ -1,0 +1,321 @@
+"""Pictures of frames with their labels: the cameras, the LiDAR and the BEV as they were stored, boxes drawn on them.
+
+Everything comes from the dataset, nothing from the simulator: boxes sit on cars only if images, points, poses, sizes
+and mounts all mean what the dataset says they mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lavsim.dataset.columns import WEATHER
+from lavsim.dataset.reader import Dataset
+from lavsim.dataset.schema import BLOB, DatasetInfo, FieldSpec
+from lavsim.dataset.stats import COMMANDS
+from lavsim.errors import DatasetError
+from lavsim.geometry import box_corners, to_local
+from lavsim.random import Draws
+from lavsim.render.camera_view import CameraView
+from lavsim.render.canvas import Canvas, height_colours, write_text
+from lavsim.render.frame import Pose, rotation
+from lavsim.render.palette import EGO_BGR, INK_BGR, PAPER_BGR, ROUTE_BGR, Bgr
+from lavsim.sensors.base import Sensor, make_sensor
+from lavsim.sensors.bev import Bev, ego_column, ego_row
+from lavsim.sensors.camera import ColourCamera, TagCamera
+from lavsim.sensors.lidar import Lidar
+from lavsim.types import ActorClass
+
+Image = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+
+_WIDTH, _PANEL, _WIDE = 640, 200, 240  # [px] of a frame at scale 1; of the two maps; of a camera that is no wide one
+_GAP, _LINE = 3, 16  # [px]
+_LIDAR_METRES = 80.0
+_NEAR = 0.1  # [m] before the lens, where boxes are cut
+_FEW = 12  # pixels or points: fewer count as hardly seen
+
+# Colours of boxes: seen by this camera or this LiDAR, hardly or not, walkers, and what the ego stops for.
+SEEN_BGR: Bgr = (80, 220, 60)
+HIDDEN_BGR: Bgr = (150, 150, 150)
+WALKER_BGR: Bgr = (40, 160, 255)
+CAUSE_BGR: Bgr = (60, 40, 240)
+
+_LAYER_BGR: dict[str, Bgr] = {
+    "road": (96, 92, 90), "crosswalk": (130, 130, 130), "solid": (240, 240, 240), "broken": (120, 220, 240),
+    "stop": (200, 60, 200), "red": (50, 50, 230), "yellow": (40, 190, 250), "green": (70, 200, 60),
+    "vehicle": (220, 130, 40), "walker": (80, 160, 255), "pedestrian": (60, 40, 255),
+}  # fmt: skip
+
+# A box's edges as pairs of its corners: the four below, the four above, the four between.
+_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+
+
+@dataclass(frozen=True)
+class _Boxes:
+    """Actors of a frame, but for the ego.
+
+    Attributes:
+        corners: (A, 8, 3) world [m]; front left, front right, rear right, rear left below, then above.
+        outlines: (A, 4, 2) in the ego's frame [m].
+        colours: Of each, when it is seen.
+        row: Their rows in the frame's actors.
+    """
+
+    corners: Floats
+    outlines: Floats
+    colours: list[Bgr]
+    row: NDArray[np.int64]
+
+    @staticmethod
+    def of(row: Mapping[str, Any]) -> _Boxes:
+        others = np.flatnonzero(row["actor_id"] != row["actor_id"][0])
+        position, size = row["actor_position"][others], row["actor_size"][others].astype(np.float64)
+        yaw, pitch = row["actor_yaw"][others], row["actor_pitch"][others].astype(np.float64)
+        outlines = box_corners(position[:, 0], position[:, 1], yaw, size[:, 0], size[:, 1])
+        local = to_local(outlines.reshape(-1, 2), row["position"][:2], float(row["yaw"])).reshape(-1, 4, 2)
+        colours = []
+        for k in others.tolist():
+            is_walker = row["actor_class"][k] == ActorClass.WALKER
+            is_cause = row["brake_actor"] and row["actor_id"][k] == row["brake_actor"]
+            colours.append(CAUSE_BGR if is_cause else WALKER_BGR if is_walker else SEEN_BGR)
+        return _Boxes(_solid_corners(position, size, yaw, pitch), local, colours, others)
+
+
+class FramePainter:
+    """Draws frames of a dataset.
+
+    Args:
+        dataset: It may lack blobs: they are rendered from its logs then.
+
+    Raises:
+        DatasetError: it has no tables, or nothing that could be drawn.
+    """
+
+    def __init__(self, dataset: Dataset) -> None:
+        if not dataset.info.columns:
+            raise DatasetError(f"{dataset.root.name} holds logs alone; make its tables with: lavsim render.")
+        self._dataset = dataset
+        self._views = [_View(field, sensor, dataset.info) for field, sensor in _sensors(dataset.info)]
+        self._views = [view for view in self._views if view.is_drawn]
+        if not self._views:
+            raise DatasetError(f"{dataset.root.name} has no camera, LiDAR or BEV to draw.")
+
+    def draw(self, episode: int, frame: int, scale: int = 1) -> Image:
+        """(H, W, 3) blue, green, red: all views of a frame, 640 px wide at scale 1."""
+        names = [field.name for field in self._dataset.info.columns]
+        row = self._dataset.read(episode, frame, [*names, *(view.field.name for view in self._views)])
+        boxes = _Boxes.of(row)
+        pictures = [view.draw(row, boxes, scale) for view in self._views]
+        town = self._dataset.episodes[episode].town
+        return _arranged(pictures, _caption(row, f"{town} {episode}/{frame}"), scale)
+
+
+def draw_sheet(dataset: Dataset, frames: Sequence[tuple[int, int]], columns: int = 4) -> Image:
+    """(H, W, 3) blue, green, red: many frames (episode, frame) in a grid."""
+    painter = FramePainter(dataset)
+    cells = [painter.draw(episode, frame) for episode, frame in frames]
+    columns = min(columns, len(cells))
+    high, wide = max(cell.shape[0] for cell in cells), max(cell.shape[1] for cell in cells)
+    rows = -(-len(cells) // columns)
+    sheet = _paper(rows * (high + 2 * _GAP), columns * (wide + 2 * _GAP))
+    for k, cell in enumerate(cells):
+        top, left = (k // columns) * (high + 2 * _GAP), (k % columns) * (wide + 2 * _GAP)
+        sheet[top : top + cell.shape[0], left : left + cell.shape[1]] = cell
+    return sheet
+
+
+def random_frames(dataset: Dataset, count: int, seed: int) -> list[tuple[int, int]]:
+    """Episode and frame of `count` frames drawn by `seed`, each once, in order; all if there are fewer.
+
+    Raises:
+        DatasetError: the dataset has no frame.
+    """
+    if not len(dataset):
+        raise DatasetError(f"{dataset.root.name} has no frame.")
+    chosen = Draws.of_seed(seed).stream("contact sheet").permutation(0, len(dataset))[:count]
+    return [dataset.locate(int(index)) for index in np.sort(chosen)]
+
+
+class _View:
+    """One sensor of the suite and how its reading is drawn."""
+
+    def __init__(self, field: FieldSpec, sensor: Sensor, info: DatasetInfo) -> None:
+        self.field, self._sensor, self._info = field, sensor, info
+
+    @property
+    def is_drawn(self) -> bool:
+        return isinstance(self._sensor, ColourCamera | Lidar | Bev)
+
+    def draw(self, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
+        if isinstance(self._sensor, ColourCamera):
+            return self._camera(self._sensor.view, row, boxes, scale)
+        if isinstance(self._sensor, Bev):
+            return self._bev(self._sensor, row, boxes, scale)
+        return self._lidar(row, boxes, scale)
+
+    def _camera(self, view: CameraView, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
+        image = cv2.cvtColor(row[self.field.name], cv2.COLOR_RGB2BGR)
+        # Five wide cameras fill a row; the telephoto is as wide as a map and a bit.
+        wide = (_WIDTH // 5 if view.width <= view.height else _WIDE) * scale
+        factor = wide / view.width
+        image = cv2.resize(image, (wide, round(view.height * factor)), interpolation=cv2.INTER_AREA)
+        pose = _pose(view, row)
+        counts = row["actor_pixels"][:, self._pixels] if self._pixels is not None and "actor_pixels" in row else None
+        for k in np.argsort(-np.linalg.norm(boxes.corners.mean(axis=1) - pose.origin, axis=1)):
+            is_seen = counts is None or counts[boxes.row[k]] >= _FEW
+            colour = boxes.colours[k] if is_seen else HIDDEN_BGR
+            for begin, end in _projected(view, pose.to_sensor(boxes.corners[k]), factor):
+                cv2.line(image, begin, end, colour, 1, cv2.LINE_AA, 4)
+        return np.asarray(image)
+
+    @cached_property
+    def _pixels(self) -> int | None:
+        """Column of `actor_pixels` for this camera: that of the tag camera on the same mount."""
+        assert isinstance(self._sensor, ColourCamera)
+        tags = [sensor for _, sensor in _sensors(self._info) if isinstance(sensor, TagCamera)]
+        same = [k for k, tag in enumerate(tags) if tag.view == self._sensor.view]
+        return same[0] if same else None
+
+    def _lidar(self, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
+        """From above in the ego's frame, heading up: this tick's points in colour, the last's dimmer."""
+        side, mount = _PANEL * scale, self._sensor.config.mount
+        canvas = Canvas.facing(0.0, 0.0, 0.0, (side, side), side / _LIDAR_METRES, 0.62, (24, 22, 20))
+        points = row[self.field.name].astype(np.float64)
+        placed = points[:, :3] @ rotation(mount.roll, mount.pitch, mount.yaw).T + np.array([mount.x, mount.y, mount.z])
+        colours = height_colours(placed[:, 2], -1.5, 6.0)
+        now = int(row.get("lidar_now", len(points)))
+        canvas.dots(placed[now:, :2], colours[now:] // 2)
+        canvas.dots(placed[:now, :2], colours[:now])
+        hits = row.get("actor_lidar_hits")
+        _draw_labels(canvas, row, boxes, hits, scale)
+        return canvas.image
+
+    def _bev(self, sensor: Bev, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
+        config, layers = sensor.config, row[self.field.name]
+        picture = np.full((config.height, config.width, 3), 34, np.uint8)
+        for name in _LAYER_BGR:
+            if name in config.names:
+                picture[layers[config.names.index(name)] > 0] = _LAYER_BGR[name]
+        wide = _PANEL * scale
+        factor = wide / config.width
+        picture = cv2.resize(picture, (wide, round(config.height * factor)), interpolation=cv2.INTER_AREA)
+        metre = config.pixels_per_metre * factor
+        place = np.array([[0.0, metre, ego_column(config) * factor], [-metre, 0.0, ego_row(config) * factor]])
+        canvas = Canvas(np.ascontiguousarray(picture), place)
+        _draw_labels(canvas, row, boxes, None, scale)
+        return canvas.image
+
+
+def _draw_labels(
+    canvas: Canvas, row: Mapping[str, Any], boxes: _Boxes, hits: NDArray[np.int32] | None, scale: int
+) -> None:
+    """Boxes, the ego, its route and goal on a picture whose world is the ego's frame."""
+    for k, outline in enumerate(boxes.outlines):
+        is_seen = hits is None or hits[boxes.row[k]] > 0
+        canvas.outline(outline, boxes.colours[k] if is_seen else HIDDEN_BGR)
+    ego = row["actor_size"][0].astype(np.float64)
+    canvas.outline(box_corners([0.0], [0.0], [0.0], ego[:1], ego[1:2])[0], EGO_BGR)
+    if "route" in row:
+        canvas.outline(row["route"], ROUTE_BGR, 1, closed=False)
+    if "goal" in row:
+        canvas.disc(row["goal"].tolist(), 2.0 * scale, ROUTE_BGR, INK_BGR)
+
+
+def _projected(view: CameraView, corners: Floats, factor: float) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Ends of the visible edges of a box (8, 3) in the camera's frame, in 1/16 pixel of the enlarged image."""
+    lines = []
+    for a, b in _EDGES:
+        begin, end = corners[a], corners[b]
+        if begin[0] < _NEAR and end[0] < _NEAR:
+            continue
+        if begin[0] < _NEAR or end[0] < _NEAR:
+            cut = begin + (end - begin) * (_NEAR - begin[0]) / (end[0] - begin[0])
+            begin, end = (cut, end) if begin[0] < _NEAR else (begin, cut)
+        ends = np.array([begin, end])
+        column = view.width / 2.0 + view.lens.focal * ends[:, 1] / ends[:, 0]
+        height = view.height / 2.0 - view.lens.focal * ends[:, 2] / ends[:, 0]
+        pixels = np.clip((np.stack([column, height], axis=1) * factor - 0.5) * 16.0, -(2**20), 2**20)
+        (x0, y0), (x1, y1) = np.rint(pixels).astype(int).tolist()
+        lines.append(((x0, y0), (x1, y1)))
+    return lines
+
+
+def _solid_corners(position: Floats, size: Floats, yaw: Floats, pitch: Floats) -> Floats:
+    """(A, 8, 3) world corners of boxes that stand on the ground at `position` (A, 3)."""
+    ahead, aside, up = np.array(
+        [(1, -1, 0), (1, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, 1), (1, 1, 1), (-1, 1, 1), (-1, -1, 1)], np.float64
+    ).T  # fmt: skip
+    local = np.stack([size[:, :1] / 2.0 * ahead, size[:, 1:2] / 2.0 * aside, size[:, 2:] * up], axis=-1)
+    turns = np.array([rotation(0.0, p, y) for p, y in zip(pitch, yaw, strict=True)]).reshape(-1, 3, 3)
+    return np.einsum("aij,akj->aki", turns, local) + position[:, None, :]
+
+
+def _pose(view: CameraView, row: Mapping[str, Any]) -> Pose:
+    """Where a camera of the ego was."""
+    mount = view.mount
+    body = rotation(0.0, float(row["pitch"]), float(row["yaw"]))
+    origin = row["position"] + body @ np.array([mount.x, mount.y, mount.z])
+    return Pose(origin, body @ rotation(mount.roll, mount.pitch, mount.yaw))
+
+
+def _sensors(info: DatasetInfo) -> list[tuple[FieldSpec, Sensor]]:
+    """Sensors of the suite that have a field, in order."""
+    fields = {field.name: field for field in info.fields if field.place == BLOB}
+    sensors = [make_sensor(values) for values in info.record.suite]
+    return [(fields[s.config.id.lower()], s) for s in sensors if s.config.id.lower() in fields]
+
+
+def _arranged(pictures: Sequence[Image], caption: Sequence[str], scale: int) -> Image:
+    """The pictures in rows of the usual width, the caption above."""
+    width = _WIDTH * scale + 4 * _GAP
+    rows: list[list[Image]] = [[]]
+    for picture in pictures:
+        used = sum(one.shape[1] + _GAP for one in rows[-1])
+        if rows[-1] and used + picture.shape[1] > width:
+            rows.append([])
+        rows[-1].append(picture)
+    line = _LINE * scale
+    head = line * len(caption) + _GAP
+    sheet = _paper(head + sum(max(one.shape[0] for one in row) + _GAP for row in rows), width)
+    for k, text in enumerate(caption):
+        write_text(sheet, text, (_GAP, line * (k + 1) - 4 * scale), 0.38 * scale)
+    top = head
+    for row in rows:
+        left = 0
+        for picture in row:
+            sheet[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
+            left += picture.shape[1] + _GAP
+        top += max(one.shape[0] for one in row) + _GAP
+    return sheet
+
+
+def _caption(row: Mapping[str, Any], name: str) -> list[str]:
+    """What the frame says in words."""
+    texts = [f"{name}  tick {int(row['tick'])}  {float(row['speed']) * 3.6:.0f} km/h"]
+    second = []
+    if "command" in row:
+        texts.append(COMMANDS.get(int(row["command"]), "no command"))
+    if "control" in row:
+        throttle, steer, brake = row["control"][:3]
+        second.append(f"throttle {throttle:.2f}  steer {steer:+.2f}  brake {brake:.2f}")
+    if row.get("brake"):
+        second.append(f"stops for {row.get('brake_cause', '?')}")
+    if "target_speed" in row and np.isfinite(row["target_speed"]):
+        second.append(f"wants {float(row['target_speed']) * 3.6:.0f} km/h")
+    if "weather" in row:
+        weather = dict(zip(WEATHER, row["weather"].tolist(), strict=True))
+        texts.append(f"sun {weather['sun_altitude_angle']:.0f} deg  rain {weather['precipitation']:.0f} %")
+    others = len(row["actor_id"]) - 1
+    second.append(f"{others} actors within reach")
+    return ["   ".join(texts), "   ".join(second)]
+
+
+def _paper(height: int, width: int) -> Image:
+    return np.full((height, width, 3), PAPER_BGR, np.uint8)
