@@ -124,7 +124,7 @@ def make_routes(town: TownMap, wish: RouteWish, first_id: int = 0) -> list[Route
         RouteError: the town has too few ways of that length.
     """
     planner, draws = get_planner(town), Draws.of_seed(wish.seed).stream(f"routes of {town.name}")
-    ways = list(_ways(town, wish, draws, WAYS_A_ROUTE * wish.count))
+    ways = list(random_ways(town, wish, draws, WAYS_A_ROUTE * wish.count))
     seen: set[int] = set()
     told: Counter[RoadOption] = Counter()
     entries: list[RouteEntry] = []
@@ -136,7 +136,7 @@ def make_routes(town: TownMap, wish: RouteWish, first_id: int = 0) -> list[Route
             )
         fitting = _of_length(ways, wish, len(entries))
         way = ways.pop(max(fitting, key=lambda k: _worth(town, ways[k], seen, told)))
-        route = _driven(town, planner, way, wish)
+        route = driven_way(town, planner, way, wish)
         if route is None:
             continue
         seen.update(way.lanes)
@@ -231,7 +231,8 @@ def stop_signs_on(town: TownMap, lanes: Sequence[int]) -> int:
     return sum(1 for sign in town.signs if sign.kind == "stop" and driven & set(sign.lanes))
 
 
-def _ways(town: TownMap, wish: RouteWish, draws: Draws, tries: int) -> Iterator[Way]:
+def random_ways(town: TownMap, wish: RouteWish, draws: Draws, tries: int) -> Iterator[Way]:
+    """Random ways about as long as wished, from up to `tries` starts; some starts lead nowhere."""
     lanes = town.lanes
     starts = lanes.where(int(LaneType.DRIVING))
     starts = starts[(lanes.junction[starts] < 0) & (lanes.length[starts] > 3.0 * FROM_END)]
@@ -300,7 +301,7 @@ def _worth(town: TownMap, way: Way, seen: set[int], told: Counter[RoadOption]) -
     return fresh / 1000.0 + 0.2 * rare
 
 
-def _driven(town: TownMap, planner: RoutePlanner, way: Way, wish: RouteWish) -> Route | None:
+def driven_way(town: TownMap, planner: RoutePlanner, way: Way, wish: RouteWish) -> Route | None:
     """The way as CARLA's planner drives its places; None if it is not the same way or not as long as wished."""
     try:
         route = planner.trace(np.round([town.waypoint_at(lane, u).xyz for lane, u in way.places], 3))

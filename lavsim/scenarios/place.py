@@ -18,6 +18,7 @@ from lavsim.types import LaneType, RoadOption
 Floats = NDArray[np.float64]
 
 LINE_STEP = 0.5  # [m] between the points of a line along lanes
+_WIDE = 2.0  # [m] narrower strips are no place to wait beyond
 _SIDE = math.radians(45.0)  # lanes that meet the ego's way at less run with it or against it
 _CHANGES = (RoadOption.CHANGELANELEFT, RoadOption.CHANGELANERIGHT)
 
@@ -265,3 +266,18 @@ def _centres(town: TownMap, rows: list[tuple[int, float, float]]) -> Floats:
         u = np.linspace(begin, end, max(2, math.ceil((end - begin) / LINE_STEP) + 1))
         parts.append(town.centre(np.full(len(u), lane), u)[:, :2])
     return join(*parts)
+
+
+def past_parking(waypoint: Waypoint) -> tuple[Waypoint, int]:
+    """The last lane to the right before a sidewalk, a verge or a narrow strip, and how many lanes away it is.
+
+    Parking and cycle lanes count; that is where 1.0 lets walkers and cyclists wait.
+    """
+    steps = 0
+    while (other := waypoint.right()) is not None and other.width > _WIDE:
+        if other.lane_type & (LaneType.SIDEWALK | LaneType.NONE | LaneType.BORDER | LaneType.MEDIAN):
+            break
+        if math.cos(other.yaw - waypoint.yaw) < 0.0:
+            break
+        waypoint, steps = other, steps + 1
+    return waypoint, steps

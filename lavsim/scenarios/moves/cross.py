@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.scenarios.base import Script
-from lavsim.types import ActorClass
+from lavsim.types import DT, ActorClass
 from lavsim.world.actor import Actor
 
 
@@ -20,11 +20,11 @@ def walk(actor: Actor, way: NDArray[np.float64], speed: float, length: float) ->
     actor.walk(np.zeros(2))
 
 
-def ride(actor: Actor, speed: float, length: float) -> Script:
-    """Drives `length` metres straight ahead, as it stands, and stops."""
+def ride(actor: Actor, speed: float, length: float, acceleration: float = 12.0) -> Script:
+    """Drives `length` metres straight ahead, as it stands, up to `speed` [m/s], and stops."""
     start = actor.xy
     while float(np.hypot(*(actor.xy - start))) < length and actor.is_present:
-        actor.drive(speed)
+        actor.drive(min(speed, actor.speed + acceleration * DT))
         yield
     actor.drive(0.0)
 
