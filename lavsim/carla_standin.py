@@ -1,7 +1,7 @@
 """A module named `carla` for agents that only need its plain data, where the real package is not installed.
 
-Only the agent's child process installs it. It has `VehicleControl`, `Location`, `Rotation`, `Transform`, `Vector3D`;
-any other name says in one line that there is no CARLA server here.
+Only the agent's child process installs it. It has `VehicleControl`, `Location`, `Rotation`, `Transform`, `Vector2D`,
+`Vector3D`; any other name says in one line that there is no CARLA server here.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from lavsim import carla_types
 
-NAMES = ("Location", "Rotation", "Transform", "Vector3D", "VehicleControl")
+NAMES = ("Location", "Rotation", "Transform", "Vector2D", "Vector3D", "VehicleControl")
 
 
 class _Finder(MetaPathFinder, Loader):

@@ -10,6 +10,28 @@ from dataclasses import dataclass, field
 
 
 @dataclass(eq=True)
+class Vector2D:
+    """A vector x, y."""
+
+    x: float = 0.0
+    y: float = 0.0
+
+    def __add__(self, other: Vector2D) -> Vector2D:
+        return Vector2D(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: Vector2D) -> Vector2D:
+        return Vector2D(self.x - other.x, self.y - other.y)
+
+    def __mul__(self, factor: float) -> Vector2D:
+        return Vector2D(self.x * factor, self.y * factor)
+
+    __rmul__ = __mul__
+
+    def length(self) -> float:
+        return math.hypot(self.x, self.y)
+
+
+@dataclass(eq=True)
 class Vector3D:
     """A vector x, y, z; also CARLA's `Location` [m]."""
 
@@ -80,15 +102,28 @@ class Transform:
     def get_right_vector(self) -> Vector3D:
         return self.rotation.get_right_vector()
 
-    def transform(self, point: Vector3D) -> Location:
-        """World coordinates of a `point` given in this frame."""
+    def get_up_vector(self) -> Vector3D:
         ahead, right = self.get_forward_vector(), self.get_right_vector()
         # Left-handed: up = forward x right in CARLA's axes.
-        up = Vector3D(
+        return Vector3D(
             ahead.y * right.z - ahead.z * right.y,
             ahead.z * right.x - ahead.x * right.z,
             ahead.x * right.y - ahead.y * right.x,
         )
+
+    def get_matrix(self) -> list[list[float]]:
+        """4 x 4, takes points of this frame to the world."""
+        axes = self.get_forward_vector(), self.get_right_vector(), self.get_up_vector(), self.location
+        return [[getattr(axis, name) for axis in axes] for name in "xyz"] + [[0.0, 0.0, 0.0, 1.0]]
+
+    def get_inverse_matrix(self) -> list[list[float]]:
+        """4 x 4, takes points of the world to this frame."""
+        axes = self.get_forward_vector(), self.get_right_vector(), self.get_up_vector()
+        return [[a.x, a.y, a.z, -a.dot(self.location)] for a in axes] + [[0.0, 0.0, 0.0, 1.0]]
+
+    def transform(self, point: Vector3D) -> Location:
+        """World coordinates of a `point` given in this frame."""
+        ahead, right, up = self.get_forward_vector(), self.get_right_vector(), self.get_up_vector()
         moved = ahead * point.x + right * point.y + up * point.z
         return Location(self.location.x + moved.x, self.location.y + moved.y, self.location.z + moved.z)
 

@@ -13,7 +13,7 @@ import traceback
 from dataclasses import asdict
 from typing import Any
 
-from lavsim import carla_standin, srunner_standin
+from lavsim import carla_standin, route_standin, srunner_standin
 from lavsim.agent import AgentFailure, AgentPlan, AgentRunner, AgentSpec, AgentStatus
 from lavsim.messages import Channel
 
@@ -67,7 +67,9 @@ def _start(message: dict[str, Any]) -> tuple[AgentRunner, dict[str, Any]]:
     carla_standin.install()
     srunner_standin.install()
     runner = AgentRunner(AgentSpec.from_json(message["spec"]))
-    runner.start(AgentPlan(**message["plan"]), message["spacing"])
+    plan = AgentPlan(**message["plan"])
+    route_standin.tell_plan(plan)
+    runner.start(plan, message["spacing"])
     return runner, {"track": runner.track.value, "sensors": runner.sensors}
 
 

@@ -29,7 +29,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("bench",),
     ("episode", "viewer"),
     ("isolation", "isolation_child"),
-    ("agent", "agent_source", "carla_standin", "srunner_standin"),
+    ("agent", "agent_source", "carla_standin", "route_standin", "srunner_standin"),
     ("log",),
     ("simulation",),
     ("scenarios", "sensors"),
