@@ -13,6 +13,7 @@ one core):
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -108,8 +109,11 @@ def _encode_bits(layers: NDArray[np.uint8]) -> bytes:
 
 
 def _decode_bits(data: bytes, shape: Shape) -> NDArray[np.uint8]:
-    sizes = _sizes(shape)
-    bits = np.unpackbits(_unpack(data), count=int(np.prod(sizes)))
+    sizes, packed = _sizes(shape), _unpack(data)
+    count = math.prod(sizes)
+    if len(packed) != -(-count // 8):  # numpy would make up what lacks
+        raise ValueError(f"{len(packed)} bytes do not hold {count} bits")
+    bits = np.unpackbits(packed, count=count)
     return np.negative(bits, out=bits).reshape(sizes)  # 0 or 255
 
 

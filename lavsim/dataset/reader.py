@@ -81,10 +81,10 @@ class Dataset:
             self._tables.move_to_end(episode)
             return self._tables[episode]
         path = self._file("table", episode)
-        data = path.read_bytes()
-        if FileFacts.of(path).sha256 != self._facts("table", episode).sha256:
-            raise DatasetError(f"{path.name} is damaged (its SHA-256 differs).")
-        table = read_table(data, path.name, self.info.columns)
+        problem = self._facts("table", episode).problem(path)
+        if problem is not None:
+            raise DatasetError(problem)
+        table = read_table(path.read_bytes(), path.name, self.info.columns)
         self._tables[episode] = table
         if len(self._tables) > _TABLES:
             self._tables.popitem(last=False)
@@ -153,6 +153,9 @@ class Dataset:
             self._shards.move_to_end(episode)
             return self._shards[episode]
         shard, index = self._file("shard", episode), self._file("index", episode)
+        problem = self._facts("index", episode).problem(index)
+        if problem is not None:
+            raise DatasetError(problem)
         found = ShardReader(shard, index, [item.member for item in self.info.blobs])
         if len(found) != self._record(episode).frames:
             raise DatasetError(f"{index.name} holds {len(found)} frames, the record {self._record(episode).frames}.")

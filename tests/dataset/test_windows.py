@@ -2,7 +2,7 @@
 
 from itertools import islice
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lavsim.dataset.record import EpisodeRecord
@@ -36,6 +36,7 @@ def test_each_epoch_has_every_number_once_in_another_order() -> None:
     assert list(islice(Sampler(50, seed=2), 50)) != given_[:50]
 
 
+@settings(deadline=None)
 @given(st.integers(1, 60), st.integers(0, 150), st.integers(0, 3))
 def test_a_sampler_goes_on_where_it_was(count: int, taken: int, seed: int) -> None:
     whole = Sampler(count, seed)
