@@ -139,7 +139,7 @@ def test_what_is_drawn_is_read_back() -> None:
     best = float(detection_loss(perfect(labels, GRID), labels))
     blurred = perfect(labels, GRID)._replace(centre=torch.zeros_like(labels.heat))
     larger = perfect(labels, GRID)._replace(size=labels.size + 1.0)
-    assert best < min(float(detection_loss(blurred, labels)), float(detection_loss(larger, labels)) - 0.9)
+    assert best < min(float(detection_loss(blurred, labels)), float(detection_loss(larger, labels)) - 0.4)
 
 
 def test_beyond_the_radius_nothing_counts_and_beyond_the_ring_it_is_background() -> None:

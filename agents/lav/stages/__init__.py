@@ -1,0 +1,1 @@
+"""Stages of LAV's training, one file each, found by name."""

@@ -1,0 +1,205 @@
+"""The training loop: resumed it equals itself, and what doesn't fit is refused; the teacher's stage on made samples."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
+
+from torch import nn
+
+from agents.lav.config import LavConfig, find_preset
+from agents.lav.labels import MotionSamples, on_grid
+from agents.lav.models.crop import to_planner
+from agents.lav.models.teacher import make_teacher
+from agents.lav.stages.base import Stage, StageInput, StepContext, TrainConfig
+from agents.lav.stages.bev import OTHERS, Batch, draw_batch, measures_of, plain_batch, teacher_loss
+from agents.lav.training import CURVE, MEASURES, Order, rate_at, train_stage
+from agents.lav.weights import Weights, read_weights, write_weights
+from lavsim.errors import ConfigError
+from lavsim.random import Draws
+from lavsim.sensors.bev import BevConfig
+
+MICRO = find_preset("micro")
+TRAIN = TrainConfig(batch=4, epochs=5.0, learning_rate=1e-2, save_every=3)
+
+
+class Toy(Stage):
+    """Learns a line through points, with dropout and normalisation, so that all state matters."""
+
+    def __init__(self, given: StageInput | None = None) -> None:
+        torch.manual_seed(0)
+        self.network = nn.Sequential(nn.Linear(2, 8), nn.BatchNorm1d(8), nn.Dropout(0.2), nn.Linear(8, 1))
+        self.points = torch.from_numpy(Draws(3).uniform(0, 20).reshape(10, 2)).float()
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def loss(self, samples: np.ndarray, context: StepContext) -> tuple[torch.Tensor, dict[str, float]]:
+        x = self.points[torch.from_numpy(samples)] + float(context.draws.normal(0, 1)[0]) * 0.01
+        return ((self.network(x)[:, 0] - x.sum(dim=1)) ** 2).mean(), {"progress": context.progress}
+
+    def measure(self) -> dict[str, float]:
+        return {"error": float((self.network(self.points)[:, 0] - self.points.sum(dim=1)).abs().mean())}
+
+
+def test_a_training_that_was_killed_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    whole = train_stage("toy", Toy(), MICRO, TRAIN, tmp_path / "whole")
+    assert whole is not None
+    for stop in (4, 5, 9, None):
+        done = train_stage("toy", Toy(), MICRO, TRAIN, tmp_path / "pieces", stop_at=stop)
+    assert done is not None
+    first, second = read_weights(whole), read_weights(done)
+    assert all(torch.equal(first.tensors[name], second.tensors[name]) for name in first.tensors)
+    assert (tmp_path / "whole" / CURVE).read_text() == (tmp_path / "pieces" / CURVE).read_text()
+    assert (tmp_path / "whole" / MEASURES).read_bytes() == (tmp_path / "pieces" / MEASURES).read_bytes()
+    assert first.lineage["steps"] == 13
+    assert train_stage("toy", Toy(), MICRO, TRAIN, tmp_path / "whole") == whole, "what is finished is not done again"
+
+
+def test_a_kill_after_a_checkpoint_forgets_the_steps_behind_it(tmp_path: Path) -> None:
+    train_stage("toy", Toy(), MICRO, TRAIN, tmp_path, stop_at=4)
+    with (tmp_path / CURVE).open("a") as file:
+        file.write("5,0,0,0,0\n")  # a step whose checkpoint was never written
+    train_stage("toy", Toy(), MICRO, TRAIN, tmp_path, stop_at=6)
+    steps = [line.split(",")[0] for line in (tmp_path / CURVE).read_text().splitlines()[1:]]
+    assert steps == ["1", "2", "3", "4", "5", "6"]
+
+
+@pytest.mark.parametrize(
+    ("config", "train", "message"),
+    [
+        (find_preset("tiny"), TRAIN, "other sizes"),
+        (MICRO, TRAIN.model_copy(update={"learning_rate": 1e-3}), "was begun with train"),
+        (MICRO, TRAIN.model_copy(update={"epochs": 9.0}), "was begun with steps 13, not 23"),
+    ],
+)
+def test_a_checkpoint_of_something_else_is_refused(
+    tmp_path: Path, config: LavConfig, train: TrainConfig, message: str
+) -> None:
+    train_stage("toy", Toy(), MICRO, TRAIN, tmp_path, stop_at=3)
+    with pytest.raises(ConfigError, match=message):
+        train_stage("toy", Toy(), config, train, tmp_path)
+
+
+def test_weights_keep_their_config_and_lineage_and_a_damaged_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    write_weights(path, Weights("bev", MICRO, {"a.b": torch.arange(3.0), "c": torch.zeros(0)}, {"seed": 4}))
+    loaded = read_weights(path)
+    assert loaded.config == MICRO
+    assert (loaded.stage, loaded.lineage) == ("bev", {"seed": 4})
+    assert loaded.part("a")["b"].tolist() == [0.0, 1.0, 2.0]
+    path.write_bytes(path.read_bytes()[:-4])
+    with pytest.raises(ConfigError, match=r"w\.safetensors can't be read"):
+        read_weights(path)
+    with pytest.raises(ConfigError, match="there are no weights"):
+        read_weights(tmp_path / "none")
+
+
+def test_every_sample_comes_once_an_epoch() -> None:
+    order = Order(10, TRAIN)
+    seen = np.concatenate([order.samples(step) for step in range(5)])
+    assert sorted(seen[:10]) == sorted(seen[10:]) == list(range(10))
+    assert seen[:10].tolist() != seen[10:].tolist()
+    assert Order(10, TRAIN).samples(3).tolist() == seen[12:16].tolist()
+    with pytest.raises(ConfigError, match="nothing to learn"):
+        Order(0, TRAIN)
+
+
+def test_rates_fall_as_their_schedules_say() -> None:
+    for schedule, middle in (("constant", 1.0), ("halving", 0.25), ("cosine", 0.5)):
+        train = TrainConfig(learning_rate=1.0, schedule=schedule)
+        assert rate_at(0.0, train) == 1.0
+        assert rate_at(0.5, train) == pytest.approx(middle)
+
+
+def made_samples(count: int = 16) -> MotionSamples:
+    """The ego drives straight on a road as wide as it is fast; two others, of which every second sample has one."""
+    grid, steps = MICRO.grid, MICRO.motion.waypoints
+    bev = np.zeros((count, 5, grid.rows, grid.cols), np.uint8)
+    speed = np.linspace(2.0, 8.0, count).astype(np.float32)
+    for k in range(count):
+        half = int(speed[k])
+        bev[k, 0, :, grid.cols // 2 - half : grid.cols // 2 + half] = 1
+    poses = np.zeros((count, 3, 3), np.float32)
+    poses[:, 1] = (3.0, -8.0, 0.5)
+    poses[:, 2] = (-3.0, -5.0, -1.0)
+    futures = np.zeros((count, 3, steps, 2), np.float32)
+    futures[..., 1] = -0.25 * speed[:, None, None] * np.arange(1, steps + 1)
+    real = np.ones((count, 3), bool)
+    real[::2, 2] = False
+    goal = np.stack([np.zeros(count), np.full(count, -30.0)], axis=1).astype(np.float32)
+    return MotionSamples(
+        np.packbits(bev, axis=-1), poses, futures, real, np.full(count, 3), goal, np.zeros(count, bool), speed
+    )
+
+
+def test_jittered_windows_see_the_same_world() -> None:
+    samples = made_samples()
+    index = np.array([1, 2, 3])
+    still, moved = plain_batch(samples, index), draw_batch(samples, index, Draws(7))
+    assert isinstance(moved, Batch)
+    assert moved.poses.shape[1] == min(OTHERS + 1, 3)
+    assert float((moved.poses - still.poses).abs().max()) > 0.1
+    assert moved.is_real[:, 0].all()
+    for batch in (still, moved):
+        ego = to_planner(batch.futures[:, 0], batch.poses[:, 0])
+        assert torch.allclose(ego, torch.from_numpy(samples.futures[index, 0]), atol=1e-4)
+        goals = to_planner(batch.goals[:, None], batch.poses[:, 0])[:, 0]
+        assert torch.allclose(goals, torch.from_numpy(samples.goal[index]), atol=1e-4)
+    again = draw_batch(samples, index, Draws(7))
+    assert torch.equal(again.poses, moved.poses)
+
+
+def test_braking_frames_teach_no_plan_and_missing_vehicles_nothing() -> None:
+    samples = made_samples(4)
+    network = make_teacher(MICRO).eval()
+    batch = plain_batch(samples, np.arange(4))
+    motions = network(batch.images, batch.poses, batch.goals)
+    _, parts = teacher_loss(motions, batch, 1.0)
+    batch.brakes[:] = True
+    total, braking = teacher_loss(motions, batch, 1.0)
+    assert parts["ego"] > 0.0
+    assert braking["ego"] == 0.0
+    batch.is_real[:, 1:] = False
+    early, alone = teacher_loss(motions, batch, 1.0)
+    assert alone["others"] == 0.0
+    assert early.item() < total.item()
+    late, _ = teacher_loss(motions, plain_batch(samples, np.arange(4)), 1.0)
+    begin, _ = teacher_loss(motions, plain_batch(samples, np.arange(4)), 0.0)
+    assert begin.item() < late.item(), "others count little at first"
+
+
+def test_the_teacher_learns_a_handful_of_samples() -> None:
+    torch.manual_seed(1)
+    samples, network = made_samples(), make_teacher(MICRO)
+    before = measures_of(network.eval(), samples)
+    optimiser = torch.optim.Adam(network.parameters(), lr=1e-2)
+    network.train()
+    for step in range(150):
+        batch = draw_batch(samples, np.arange(16), Draws(step))
+        loss, _ = teacher_loss(network(batch.images, batch.poses, batch.goals), batch, step / 150)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    after = measures_of(network.eval(), samples)
+    assert after["plan"] < 0.3 * before["plan"]
+    assert after["constant_velocity"] == pytest.approx(0.0, abs=1e-5)
+
+
+def test_recorded_labels_land_on_the_grid_where_the_ego_sees_them() -> None:
+    recorded = BevConfig(type="sensor.lavsim.bev", id="bev")
+    layers = np.zeros((5, 320, 320), np.uint8)
+    layers[1, 280 - 40, 160 + 20] = 255  # 10 m ahead, 5 m right
+    for name in ("tiny", "micro", "small", "paper"):
+        grid = find_preset(name).grid
+        found = on_grid(layers, recorded, grid)
+        assert found.shape == (5, grid.rows, grid.cols)
+        row, col = np.argwhere(found[1])[0]
+        assert grid.ahead - (row + 0.5) * grid.cell == pytest.approx(9.875, abs=grid.cell / 2)
+        assert (col + 0.5) * grid.cell - grid.aside == pytest.approx(5.125, abs=grid.cell / 2)
+    with pytest.raises(ConfigError, match="px/m"):
+        on_grid(layers, recorded, find_preset("tiny").grid.model_copy(update={"cell": 0.4}))
