@@ -25,6 +25,7 @@ _RETRY_TICKS = 20  # between attempts to place a hazard whose place is taken; as
 TRIGGER_RADIUS = {"1.0": 1.5, "2.x": 2.0}  # [m] of the ego's route point from the trigger that sets a hazard off
 _TRIGGER_GAP = 2.0  # [m] and
 _TRIGGER_TURN = np.radians(10.0)  # off the route: farther and the leaderboard ignores a trigger
+_PASSING = 5  # route points from the first near a trigger that belong to the same visit
 _LONGEST = 4800  # ticks after which a hazard that owns a timer is over, come what may: 240 s (reference, 6.3)
 _NONE = np.zeros(0, dtype=HAZARD_DTYPE)
 
@@ -179,10 +180,16 @@ class Director:
 
 
 def trigger_index(route: Route, spec: ScenarioSpec) -> int | None:
-    """First point of `route` near the trigger and heading its way (reference `leaderboard.md` 3.3); None: ignored."""
+    """The point of `route` at the trigger, where it first passes it heading its way; None: the hazard is ignored.
+
+    Near and heading its way as reference `leaderboard.md` 3.3 has it.
+    """
     x, y, z, yaw = spec.trigger
     near = np.hypot(route.points[:, 0] - x, route.points[:, 1] - y) < _TRIGGER_GAP
     level = route.points[:, 2] - z < _TRIGGER_GAP
     turned = np.abs(np.mod(route.yaw - yaw + np.pi, 2.0 * np.pi) - np.pi) < _TRIGGER_TURN
     found = np.flatnonzero(near & level & turned)
-    return int(found[0]) if len(found) else None
+    if not len(found):
+        return None
+    passing = found[found <= found[0] + _PASSING]
+    return int(passing[np.argmin(np.hypot(route.points[passing, 0] - x, route.points[passing, 1] - y))])

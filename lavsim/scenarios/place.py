@@ -80,6 +80,12 @@ class Site:
         ahead = (RoadOption(int(value)) for value in self.route.command[self.index :])
         return next((option for option in ahead if option not in on), RoadOption.LANEFOLLOW)
 
+    def changes_lane(self, distance: float) -> bool:
+        """Whether the route changes lanes within `distance` metres after the trigger, or ends there."""
+        end = self.ahead(distance)
+        commands = self.route.command[self.index : end]
+        return end is None or bool(np.isin(commands, _CHANGES).any())
+
     @property
     def entry_lane(self) -> int:
         """The route's lane inside the next junction; -1 without one."""

@@ -56,7 +56,9 @@ class ControlLoss(Scenario):
 
     def suits(self, site: Site) -> str | None:
         free = place.to_junction(site.anchor)
-        return f"a junction lies {free:.0f} m after it" if free < _PLACES[-1] + _END + _ABORT else None
+        if free < _PLACES[-1] + _END + _ABORT:
+            return f"a junction lies {free:.0f} m after it"
+        return "the route changes lanes or ends" if site.changes_lane(_PLACES[-1] + _END) else None
 
     def place(self, stage: Stage) -> None:
         park.debris(self, stage, [place.along_lane(stage.anchor, distance)[0] for distance in _PLACES])

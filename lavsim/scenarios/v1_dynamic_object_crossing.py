@@ -65,6 +65,8 @@ class DynamicObjectCrossing(Scenario):
         distance = self.config.distance + _DISTANCE_PER_LANE * steps
         if place.to_junction(site.anchor) < distance + 5.0:
             return f"a junction lies less than {distance + 5.0:.0f} m after it"
+        if site.changes_lane(distance + 10.0):
+            return "the route changes lanes or ends"
         if place.kerb(site.anchor, "right") > lane.width + abs(_offset(site.anchor, lane)) - 0.3:
             return "the walker would wait on the road"
         return None

@@ -58,7 +58,9 @@ class FollowLeadingVehicle(Scenario):
         free = place.to_junction(site.anchor)
         if free < self.config.distance + 2.0 * _BRAKES_BEFORE:
             return f"a junction lies {free:.0f} m after it"
-        return "no junction follows" if site.junction is None or site.to_junction > 300.0 else None
+        if site.junction is None or site.to_junction > 300.0:
+            return "no junction follows"
+        return "the route changes lanes" if site.changes_lane(site.to_junction) else None
 
     def place(self, stage: Stage) -> None:
         start, _ = place.along_lane(stage.anchor, self.config.distance)

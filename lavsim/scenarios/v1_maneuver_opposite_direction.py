@@ -62,6 +62,8 @@ class ManeuverOppositeDirection(Scenario):
         free = place.to_junction(site.anchor)
         if free < _SOURCE + 10.0:
             return f"a junction lies {free:.0f} m after it"
+        if site.changes_lane(_SOURCE):
+            return "the route changes lanes or ends"
         alone = place.beside(site.anchor, "left") is None and place.beside(site.anchor, "right") is None
         return self.fits(site) if alone else "there is another lane to go round by"
 

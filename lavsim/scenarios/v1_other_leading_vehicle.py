@@ -57,7 +57,9 @@ class OtherLeadingVehicle(Scenario):
 
     def suits(self, site: Site) -> str | None:
         free = place.to_junction(site.anchor)
-        return self.fits(site) or (f"a junction lies {free:.0f} m after it" if free < _END else None)
+        if free < _END:
+            return f"a junction lies {free:.0f} m after it"
+        return "the route changes lanes or ends" if site.changes_lane(_END) else self.fits(site)
 
     def place(self, stage: Stage) -> None:
         unit = 1.0 / 3.6 if stage.rules == "corrected" else 1.0
