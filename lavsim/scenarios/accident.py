@@ -11,7 +11,7 @@ from lavsim.scenarios.moves.checks import check_direction, check_positive
 from lavsim.scenarios.moves.flow import CARS
 from lavsim.scenarios.moves.models import BLUE_LIGHTS, POLICE, pick
 from lavsim.scenarios.moves.park import park
-from lavsim.scenarios.moves.passing import no_place, oncoming_traffic, passage, slowed_traffic
+from lavsim.scenarios.moves.passing import no_place, no_room, oncoming_traffic, passage, slowed_traffic
 from lavsim.scenarios.moves.roadside import must_be_ahead, sign_of
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site, kerb
@@ -73,9 +73,13 @@ class Accident(Scenario):
     """
 
     Config: ClassVar[type[AccidentConfig]] = AccidentConfig
+    against_traffic: ClassVar[bool] = False  # whether the way round is the oncoming lane
 
     def fits(self, site: Site) -> str | None:
-        return no_place(site, self._length, self.config.direction, against_traffic=False)
+        return no_place(site, self.config.distance, self._length, self.config.direction, self.against_traffic)
+
+    def suits(self, site: Site) -> str | None:
+        return self.fits(site) or no_room(site, self.config.distance, self._length)
 
     def place(self, stage: Stage) -> None:
         police = self._park(stage, POLICE, 0.0)
@@ -119,9 +123,7 @@ class AccidentTwoWays(Accident):
     """
 
     Config = AccidentTwoWaysConfig
-
-    def fits(self, site: Site) -> str | None:
-        return no_place(site, self._length, self.config.direction, against_traffic=True)
+    against_traffic = True
 
     def _traffic(self, stage: Stage) -> Script:
         return oncoming_traffic(self, stage, self._at(stage.site, 0.0), self.config.frequency)

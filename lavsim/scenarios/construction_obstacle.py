@@ -9,7 +9,7 @@ from typing import ClassVar
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves.checks import check_direction, check_positive
 from lavsim.scenarios.moves.park import park
-from lavsim.scenarios.moves.passing import no_place, oncoming_traffic, passage, slowed_traffic
+from lavsim.scenarios.moves.passing import no_place, no_room, oncoming_traffic, passage, slowed_traffic
 from lavsim.scenarios.moves.roadside import must_be_ahead, sign_of
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site
@@ -70,9 +70,15 @@ class ConstructionObstacle(Scenario):
     """
 
     Config: ClassVar[type[ConstructionObstacleConfig]] = ConstructionObstacleConfig
+    against_traffic: ClassVar[bool] = False  # whether the way round is the oncoming lane
 
     def fits(self, site: Site) -> str | None:
-        return no_place(site, self.config.distance + _LENGTH, self.config.direction, against_traffic=False)
+        return no_place(
+            site, self.config.distance, self.config.distance + _LENGTH, self.config.direction, self.against_traffic
+        )
+
+    def suits(self, site: Site) -> str | None:
+        return self.fits(site) or no_room(site, self.config.distance, self.config.distance + _LENGTH)
 
     def place(self, stage: Stage) -> None:
         self._place = must_be_ahead(stage.site, self.config.distance)
@@ -109,9 +115,7 @@ class ConstructionObstacleTwoWays(ConstructionObstacle):
     """
 
     Config = ConstructionObstacleTwoWaysConfig
-
-    def fits(self, site: Site) -> str | None:
-        return no_place(site, self.config.distance + _LENGTH, self.config.direction, against_traffic=True)
+    against_traffic = True
 
     def _traffic(self, stage: Stage) -> Script:
         return oncoming_traffic(self, stage, self._place, self.config.frequency)

@@ -19,6 +19,7 @@ from lavsim.world.blueprints import find_blueprint
 _WALK_SPEED = 2.0  # [m/s]
 _BLOCKER_SHARE = 0.9  # the blocker stands at that share of the line from the trigger to the walker
 _CLEAR_BEFORE = 6.0  # [m] before the walker that must lie outside junctions: the blocker stands there
+_FARTHEST = 4.5  # [m] of the kerb from the lane's middle where a new file puts it: farther, it comes too late
 _MARGIN = 0.3  # [m] between the kerb and what stands beside it
 
 
@@ -70,6 +71,10 @@ class DynamicObjectCrossing(Scenario):
             if place.is_junction:
                 return f"the place {distance:g} m after the trigger lies at or just behind a junction"
         return None
+
+    def suits(self, site: Site) -> str | None:
+        reach = kerb(site.anchor.ahead(self.config.distance), self.config.direction)
+        return self.fits(site) or (f"the walker would stand {reach:.1f} m off the lane" if reach > _FARTHEST else None)
 
     def place(self, stage: Stage) -> None:
         crossing = stage.anchor.ahead(self.config.distance)

@@ -13,7 +13,7 @@ from lavsim.scenarios.moves.flow import BICYCLES
 from lavsim.scenarios.moves.follow import LaneFollower
 from lavsim.scenarios.moves.models import pick
 from lavsim.scenarios.moves.park import park
-from lavsim.scenarios.moves.passing import WAIT, no_place, oncoming_traffic, slowed_traffic
+from lavsim.scenarios.moves.passing import WAIT, no_place, no_room, oncoming_traffic, slowed_traffic
 from lavsim.scenarios.moves.roadside import must_be_ahead
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site, line_ahead
@@ -73,9 +73,15 @@ class HazardAtSideLane(Scenario):
     """
 
     Config: ClassVar[type[HazardAtSideLaneConfig]] = HazardAtSideLaneConfig
+    against_traffic: ClassVar[bool] = False  # whether the way round is the oncoming lane
 
     def fits(self, site: Site) -> str | None:
-        return no_place(site, self.config.distance + _GAP, "right", against_traffic=False)
+        return no_place(site, self.config.distance, self.config.distance + _GAP, "right", self.against_traffic)
+
+    def suits(self, site: Site) -> str | None:
+        return self.fits(site) or no_room(
+            site, self.config.distance, self.config.distance + _GAP + self.config.bicycle_drive_distance
+        )
 
     def place(self, stage: Stage) -> None:
         self._places = [must_be_ahead(stage.site, self.config.distance + k * _GAP) for k in range(2)]
@@ -118,9 +124,7 @@ class HazardAtSideLaneTwoWays(HazardAtSideLane):
     """
 
     Config = HazardAtSideLaneTwoWaysConfig
-
-    def fits(self, site: Site) -> str | None:
-        return no_place(site, self.config.distance + _GAP, "right", against_traffic=True)
+    against_traffic = True
 
     def _traffic(self, stage: Stage) -> Script:
         return oncoming_traffic(self, stage, self._places[1], self.config.frequency, lasting=True)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lavsim.errors import ConfigError
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
@@ -15,7 +18,7 @@ from lavsim.scenarios.place import Site
 _SIDES = ("right", "left", "opposite")
 _BEFORE, _AFTER = 30.0, 100.0  # [m] of its way before and behind the junction
 _SPEED = 60.0 / 3.6  # [m/s]
-_WITHIN, _NEAR = 2.2, 12.0  # [s], [m] of the ego to the place where the ways cross
+_NEAR = 12.0  # [m] of the ego to the place where the ways meet
 _NOMINAL = 2.0  # times the time its way takes, after which it no longer matters
 
 
@@ -39,8 +42,9 @@ class OppositeVehicleTakingPriority(Scenario):
     """NHTSA pre-crash type: straight crossing paths at a junction without signals.
 
     An emergency vehicle with its lights on waits 30 m before the junction on the approach that `direction` names. When
-    the ego would be at the place where their ways meet within 2.2 s, or is within 12 m of it, it crosses at 60 km/h. It
-    is over when it has passed (or should have) and the ego has left the junction.
+    the ego would be at the place where their ways meet in as much time as it needs itself (2.2 s, the original's fixed
+    number, at a junction of usual size), or is within 12 m of it, it crosses at 60 km/h. It is over when it has passed
+    (or should have) and the ego has left the junction.
 
     Parameters: direction right.
 
@@ -73,9 +77,15 @@ class OppositeVehicleTakingPriority(Scenario):
         self._car.actor.switch_on(BLUE_LIGHTS)
 
     def script(self, stage: Stage) -> Script:
-        yield from wait.until_arrival(stage.world.ego, self._meeting, _WITHIN, _NEAR)
+        yield from wait.until_arrival(stage.world.ego, self._meeting, self._time_to(self._meeting), _NEAR)
         crossing = within(_NOMINAL * self._car.left / _SPEED, drive_through(self._car))
         yield from wait.together(crossing, wait.until(wait.left_junction(stage)))
+
+    def _time_to(self, place: NDArray[np.float64]) -> float:
+        """How long it drives to the point of its way nearest to `place` [s]."""
+        line = self._car.line.xy
+        nearest = int(np.argmin(np.hypot(*(line - place).T)))
+        return float(np.hypot(*np.diff(line[: nearest + 1], axis=0).T).sum()) / _SPEED
 
     def _way(self, junction: JunctionAhead) -> Way | None:
         """The straightest way from its side that meets the route."""

@@ -10,7 +10,7 @@ from lavsim.scenarios.moves.checks import check_direction, check_positive
 from lavsim.scenarios.moves.flow import CARS
 from lavsim.scenarios.moves.models import HAZARD_LIGHTS, pick
 from lavsim.scenarios.moves.park import park
-from lavsim.scenarios.moves.passing import no_place, oncoming_traffic, passage, slowed_traffic
+from lavsim.scenarios.moves.passing import no_place, no_room, oncoming_traffic, passage, slowed_traffic
 from lavsim.scenarios.moves.roadside import must_be_ahead, sign_of
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site
@@ -66,9 +66,13 @@ class ParkedObstacle(Scenario):
     """
 
     Config: ClassVar[type[ParkedObstacleConfig]] = ParkedObstacleConfig
+    against_traffic: ClassVar[bool] = False  # whether the way round is the oncoming lane
 
     def fits(self, site: Site) -> str | None:
-        return no_place(site, self.config.distance, self.config.direction, against_traffic=False)
+        return no_place(site, self.config.distance, self.config.distance, self.config.direction, self.against_traffic)
+
+    def suits(self, site: Site) -> str | None:
+        return self.fits(site) or no_room(site, self.config.distance, self.config.distance)
 
     def place(self, stage: Stage) -> None:
         self._place = must_be_ahead(stage.site, self.config.distance)
@@ -97,9 +101,7 @@ class ParkedObstacleTwoWays(ParkedObstacle):
     """
 
     Config = ParkedObstacleTwoWaysConfig
-
-    def fits(self, site: Site) -> str | None:
-        return no_place(site, self.config.distance, self.config.direction, against_traffic=True)
+    against_traffic = True
 
     def _traffic(self, stage: Stage) -> Script:
         return oncoming_traffic(self, stage, self._place, self.config.frequency)

@@ -19,7 +19,7 @@ from lavsim.types import VehicleLight
 
 _BLOCKER, _CAR = 28.0, 35.0  # [m] after the trigger
 _WITHIN, _NEAR = 2.35, 10.0  # [s], [m] of the ego to the car's place
-_SPEED, _SECONDS = 7.0, 2.5  # [m/s] of the car, [s] in which it takes the lane
+_SPEED, _SECONDS = 4.0, 2.5  # [m/s] of the car, [s] in which it takes the lane
 _END = 30.0  # [m] that it drives
 
 

@@ -21,7 +21,7 @@ from lavsim.types import VehicleLight
 _GAP = 11.0  # [m] from one middle to the next
 _BEHIND, _AHEAD = 2, 3  # vehicles of the queue behind and ahead of the one that leaves it
 _WITHIN, _NEAR = 2.7, 15.0  # [s], [m] of the ego to its place
-_SPEED, _SECONDS = 7.0, 3.0  # [m/s] of the car, [s] in which it takes the lane
+_SPEED, _SECONDS = 4.0, 3.0  # [m/s] of the car, [s] in which it takes the lane
 _PLAN, _LONGEST = 70.0, 30.0  # [m] that it drives, or [s]
 
 

@@ -12,7 +12,7 @@ from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_direction, check_positive
 from lavsim.scenarios.moves.flow import CARS
 from lavsim.scenarios.moves.models import pick
-from lavsim.scenarios.moves.passing import END, WAIT, no_place, oncoming_traffic
+from lavsim.scenarios.moves.passing import END, WAIT, no_place, no_room, oncoming_traffic
 from lavsim.scenarios.moves.roadside import must_be_ahead, parking_beside, sign_of
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site, at_height
@@ -65,10 +65,14 @@ class VehicleOpensDoorTwoWays(Scenario):
     Config = VehicleOpensDoorConfig
 
     def fits(self, site: Site) -> str | None:
-        reason = no_place(site, self.config.distance, self.config.direction, against_traffic=True)
-        if reason is None and parking_beside(must_be_ahead(site, self.config.distance), self.config.direction) is None:
-            return f"there is no parking lane to the {self.config.direction}, {self.config.distance:g} m on"
+        distance, direction = self.config.distance, self.config.direction
+        reason = no_place(site, distance, distance, direction, against_traffic=True)
+        if reason is None and parking_beside(must_be_ahead(site, distance), direction) is None:
+            return f"there is no parking lane to the {direction}, {distance:g} m on"
         return reason
+
+    def suits(self, site: Site) -> str | None:
+        return self.fits(site) or no_room(site, self.config.distance, self.config.distance)
 
     def place(self, stage: Stage) -> None:
         self._place = must_be_ahead(stage.site, self.config.distance)

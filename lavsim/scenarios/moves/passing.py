@@ -20,18 +20,38 @@ END = 50.0  # [m] behind the last obstacle where the ego has passed
 WAIT = 5.0  # [s] from the ego's coming near until traffic beside or against it moves
 _FLOW_TIME, _FLOW_BASE = 1.5, 30.0  # [m per km/h], [m]: how far off oncoming traffic begins
 _SLOWED = 100.0  # [m] of road ahead on which traffic minds a limit
-_EARLIER = 20.0  # [m] that a road must go on behind the last obstacle
+_FURTHER = 20.0  # [m] that a road must go on behind the last obstacle
+_ROUTE_LEFT = 10.0  # [m] of route behind where it is over
+_CLEAR = 25.0  # [m] before and behind it without a junction
 
 
-def no_place(site: Site, length: float, direction: str, against_traffic: bool) -> str | None:
-    """Why nothing that reaches `length` metres on from the trigger can stand in the lane and be passed."""
-    first, last = lane_ahead(site, length), lane_ahead(site, length + _EARLIER)
-    if first is None or last is None:
-        return f"the road ends within {length + _EARLIER:g} m of the trigger"
-    if against_traffic:
-        return None if oncoming(first) is not None else "there is no oncoming lane to pass it by"
-    other = DIRECTIONS[1 - DIRECTIONS.index(direction)]
-    return None if beside(first, other) is not None else f"there is no lane to the {other} to pass it by"
+def no_place(site: Site, first: float, last: float, direction: str, against_traffic: bool) -> str | None:
+    """Why nothing can fill the lane from `first` to `last` metres after the trigger and be passed; None if it can."""
+    for distance in (first, last, last + _FURTHER):
+        place = lane_ahead(site, distance)
+        if place is None:
+            return f"the road ends within {distance:g} m of the trigger"
+        if distance > last:
+            continue
+        if place.is_junction:
+            return f"the place {distance:g} m on lies in a junction"
+        other = DIRECTIONS[1 - DIRECTIONS.index(direction)]
+        if against_traffic and oncoming(place) is None:
+            return f"there is no oncoming lane to pass it by, {distance:g} m on"
+        if not against_traffic and beside(place, other) is None:
+            return f"there is no lane to the {other} to pass it by, {distance:g} m on"
+    return None
+
+
+def no_room(site: Site, first: float, last: float) -> str | None:
+    """Why a new file should not put it there: a junction is near, or the route ends before it is over."""
+    end = site.ahead(last + END + _ROUTE_LEFT)
+    if end is None:
+        return f"the route ends within {last + END + _ROUTE_LEFT:g} m of the trigger"
+    near = range(site.ahead(max(first - _CLEAR, 0.0)) or end, site.ahead(last + _CLEAR) or end)
+    if any(site.waypoint(k).is_junction for k in near):
+        return "a junction is too near"
+    return None
 
 
 def passage(stage: Stage, near: NDArray[np.float64], range_: float, length: float, traffic: Script) -> Script:
