@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -90,7 +91,7 @@ class Rig:
                 blobs[name], instance = sensor.view.labels(now, scene, sensor.config.tags)
                 pixels.append(_count(instance.ravel(), now.ids))
             elif isinstance(sensor, ColourCamera):
-                blobs[name] = np.ascontiguousarray(sensor.read(history[-1:], scene, draws)[..., 2::-1])
+                blobs[name] = np.asarray(cv2.cvtColor(sensor.read(history[-1:], scene, draws), cv2.COLOR_BGRA2RGB))
             else:
                 blobs[name] = np.asarray(sensor.read(history[-(sensor.history + 1) :], scene, draws))
         counts = np.stack(pixels, axis=1) if pixels else np.zeros((len(now.ids), 0), np.int32)
