@@ -150,7 +150,8 @@ def _episode(
     if findings or data is None or not record.files:
         return findings
     try:
-        findings += _against_log(root, info, record, data)
+        if file_of("log", record.episode) in record.files:  # what was imported has none
+            findings += _against_log(root, info, record, data)
         if info.record.blobs:
             findings += _blobs(info, record, data, all_blobs)
     except LavsimError as error:

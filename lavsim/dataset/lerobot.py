@@ -78,7 +78,7 @@ class LeRobotWriter:
     """A dataset being written.
 
     Args:
-        folder: Of the dataset; must not exist.
+        folder: Of the dataset, new or empty.
         rate: Frames a second.
         features: Columns by name ("observation.state", "action" …).
         cameras: Height, width [px] of each video by key ("observation.images.front").
@@ -101,7 +101,7 @@ class LeRobotWriter:
     ) -> None:
         self._folder, self._rate, self._robot = folder, rate, robot
         self._features, self._limit = dict(features), (data_mb, video_mb)
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
         self._videos = {
             key: _Video(folder / "videos" / key, rate, height, width, video_mb)
             for key, (height, width) in cameras.items()
@@ -279,7 +279,13 @@ class _Film:
         stream.height, stream.width, stream.pix_fmt = *size, "yuv420p"
         # Nothing may lean on a later picture: the first one's time stamp is then 0, as readers expect, and no picture
         # waits in the encoder.
-        stream.options = {"crf": str(_QUALITY), "g": str(_GOP), "tune": "zerolatency", "threads": "1"}
+        stream.options = {
+            "crf": str(_QUALITY),
+            "g": str(_GOP),
+            "preset": "veryfast",
+            "tune": "zerolatency",
+            "threads": "1",
+        }
         self._stream = stream
         self.size = 0  # [bytes] so far
 

@@ -93,3 +93,10 @@ def npy_bytes(array: NDArray[np.generic]) -> bytes:
     file = BytesIO()
     np.lib.format.write_array(file, np.ascontiguousarray(array), version=(1, 0), allow_pickle=False)
     return file.getvalue()
+
+
+def npz_bytes(**arrays: NDArray[np.generic]) -> bytes:
+    """The arrays as a compressed file in NumPy's NPZ format."""
+    file = BytesIO()
+    np.savez_compressed(file, allow_pickle=False, **arrays)
+    return file.getvalue()

@@ -107,7 +107,7 @@ def write_episode(
         files[file_of("shard", episode)], files[file_of("index", episode)] = writer.finish()
     record = EpisodeRecord(
         episode, town, str(episode), seed, len(rows), 5 * len(rows), 2.0 * len(rows), "route completed", 0, files,
-        {"weather": "lav"},
+        {"weather": "lav"}, values.get("breaks", ()),
     )  # fmt: skip
     record.write(root)
     return record
