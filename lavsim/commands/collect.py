@@ -11,7 +11,7 @@ import typer
 from lavsim.commands.base import TownPath, app, towns_at
 
 if TYPE_CHECKING:
-    from lavsim.dataset.collect import CollectProgress
+    from lavsim.dataset.tally import Progress
 
 
 @app.command()
@@ -93,6 +93,45 @@ def collect(
     typer.echo(f"{out}  {made.frames} frames in {len(made.records)} episodes, {_size(made.bytes)}")
 
 
+@app.command()
+def render(
+    source: Annotated[Path, typer.Argument(help="A dataset, a log (*.lavlog), or a folder of logs.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the dataset that is made; a dataset of logs alone gets its own.")
+    ] = None,
+    sensors: Annotated[str | None, typer.Option(help="Sensor suite; the dataset's own, or lav_data.")] = None,
+    look: Annotated[str | None, typer.Option(help="Of the cameras: fast or full.")] = None,
+    no_labels: Annotated[
+        bool, typer.Option("--no-labels", help="Don't ask the agents that drove again what they thought.")
+    ] = False,
+    workers: Annotated[int, typer.Option(help="Processes that render side by side; the bytes are the same.")] = 1,
+    cluster: Annotated[
+        str | None, typer.Option(help="Address of a Ray cluster that renders; 'local' starts one.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the dataset in --out.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a dataset in --out.")] = False,
+    town_path: TownPath = None,
+) -> None:
+    """Make tables and sensor readings for recorded drives, without driving again."""
+    from lavsim.dataset.rerender import render as run
+
+    with _FramesBar("rendering") as bar:
+        made = run(
+            source,
+            out,
+            suite=sensors,
+            look=look,
+            labels=not no_labels,
+            workers=workers,
+            cluster=cluster,
+            resume=resume,
+            overwrite=overwrite,
+            town_path=towns_at(town_path),
+            on_progress=bar.update,
+        )
+    typer.echo(f"{made.root}  {made.frames} frames in {len(made.records)} episodes, {_size(made.bytes)}")
+
+
 class _FramesBar:
     """Frames, frames a second, time left and bytes on stderr, and a line for each episode."""
 
@@ -115,7 +154,7 @@ class _FramesBar:
             self._bars.start()
         return self
 
-    def update(self, progress: CollectProgress) -> None:
+    def update(self, progress: Progress) -> None:
         self._begun = self._begun or time.monotonic()
         rate = progress.fresh / max(time.monotonic() - self._begun, 1e-3)
         if progress.last is not None:
@@ -131,7 +170,7 @@ class _FramesBar:
         self._bars.update(
             self._task,
             description=f"{self._verb} {progress.frames}/{progress.wanted} frames",
-            completed=100.0 * min(progress.frames / progress.wanted, 1.0),
+            completed=100.0 * min(progress.frames / max(progress.wanted, 1), 1.0),
             rest=f"{rate:.1f} frames/s, {_duration(left)} left, {_size(progress.bytes)} ({_size(progress.free)} free)",
         )
 

@@ -7,52 +7,28 @@ again, and what lies beyond the last one needed goes at the end. So the bytes de
 
 from __future__ import annotations
 
-import errno
 import itertools
-import shutil
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lavsim.agent import find_agent
 from lavsim.dataset import folder
-from lavsim.dataset.drive import EpisodeTask, Kept, collect_episode, info_of
+from lavsim.dataset.card import write_card
+from lavsim.dataset.drive import EpisodeTask, collect_episode, info_of
 from lavsim.dataset.files import read_sealed, write_sealed
 from lavsim.dataset.plan import PLAN_SCHEMA, CollectPlan
 from lavsim.dataset.record import EpisodeRecord
 from lavsim.dataset.schema import INFO, DatasetInfo
-from lavsim.errors import LavsimError, OutputError
+from lavsim.dataset.tally import OnProgress, Tally, bytes_of, disk_trouble_told
+from lavsim.errors import OutputError
 from lavsim.executor import Executor, make_executor
 
 PLAN_KEY = "plan_schema"
 _EMPTY_IN_A_ROW = 100  # episodes without a frame after which something must be wrong
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _MAY_CHANGE = ("frames",)  # of a plan when its dataset is gone on with: more of the same
-
-
-@dataclass(frozen=True)
-class CollectProgress:
-    """How a collection stands.
-
-    Attributes:
-        frames: Kept so far, episodes under way included.
-        fresh: Those of them that were not there when it began.
-        wanted: Frames asked for.
-        episodes: Finished.
-        bytes: On disk.
-        free: Bytes that the disk has left.
-        last: Record of an episode just finished.
-    """
-
-    frames: int
-    fresh: int
-    wanted: int
-    episodes: int
-    bytes: int
-    free: int
-    last: EpisodeRecord | None = None
 
 
 @dataclass(frozen=True)
@@ -76,9 +52,6 @@ class Collected:
     def bytes(self) -> int:
         """Of all files of its episodes."""
         return sum(bytes_of(record) for record in self.records)
-
-
-OnProgress = Callable[[CollectProgress], None]
 
 
 def collect(
@@ -113,134 +86,79 @@ def collect(
     digests = plan.check(town_path)
     info = info_of(plan)
     executor = make_executor(workers, cluster)
-    with _disk_trouble_told(root):
+    tally: Tally | None = None
+    with disk_trouble_told(root, lambda: tally):
         folder.claim(root, resume, overwrite)
         with folder.writing(root):
             _begin(root, plan, digests, info)
-            with folder.quiet(root):
-                book = _Book(plan, root, on_progress)
-                folder.sweep(root, book.records)
-            tasks = (EpisodeTask(plan, number, root.resolve(), town_path) for number in book.waiting())
+            records = folder.swept_episodes(root)
+            tally = Tally(root, plan.frames, records, on_progress)
+            missing = (number for number in itertools.count() if number not in records)
+            tasks = (EpisodeTask(plan, number, root.resolve(), town_path) for number in missing)
             try:
-                _run(executor, tasks, book)
-            except OSError as error:
-                raise _told(error, root, book) from None
+                run_tasks(executor, collect_episode, tasks, tally, until=lambda: _length(plan, records) is not None)
+                _cut(root, plan, records)
             finally:
-                _tidy(root, book)
-    return Collected(root, tuple(book.records[number] for number in sorted(book.records)))
+                folder.tidy(root, records)
+            write_card(root)
+    return Collected(root, tuple(records[number] for number in sorted(records)))
 
 
-def _run(executor: Executor, tasks: Iterator[EpisodeTask], book: _Book) -> None:
-    """Drives until there are episodes enough; the workers have ended then."""
-    runs: Any = executor.run(collect_episode, tasks, book.report)
+def run_tasks(
+    executor: Executor,
+    work: Callable[[Any, Any], EpisodeRecord],
+    tasks: Iterable[Any],
+    tally: Tally,
+    until: Callable[[], bool],
+) -> None:
+    """Makes episodes until there are enough of them; all workers have ended then.
+
+    Args:
+        executor: Where.
+        work: Makes one.
+        tasks: What to make, each with a `number`; may be without an end.
+        tally: Takes them in.
+        until: Whether there are enough.
+
+    Raises:
+        OutputError: an episode was lost, or none keeps a frame.
+    """
+    runs: Any = executor.run(work, tasks, tally.report)
     with closing(runs):
-        while not book.is_enough:
+        while not until():
             done = next(runs)
             if done.result is None:
                 raise OutputError(
-                    f"episode {done.task.number} was lost: {done.lost}. {book.count_of_frames()} frames are safe: "
-                    "go on with --resume."
+                    f"episode {done.task.number} was lost: {done.lost}. {tally} are safe: go on with --resume."
                 )
-            book.enter(done.result)
-    book.cut()
+            tally.enter(done.result)
+            _check_that_frames_are_kept(tally)
 
 
-def _tidy(root: Path, book: _Book) -> None:
-    """Removes what was not finished; what can't be removed now goes when the collection is resumed."""
-    with suppress(OutputError), folder.quiet(root):
-        folder.sweep(root, book.records)
+def _check_that_frames_are_kept(tally: Tally) -> None:
+    last = [tally.records[number] for number in sorted(tally.records)[-_EMPTY_IN_A_ROW:]]
+    if len(last) == _EMPTY_IN_A_ROW and not any(record.frames for record in last):
+        raise OutputError(f"{_EMPTY_IN_A_ROW} episodes in a row kept no frame; the last: {last[-1].ending}.")
 
 
-def bytes_of(record: EpisodeRecord) -> int:
-    """Bytes of an episode's files."""
-    return sum(facts.bytes for facts in record.files.values())
+def _length(plan: CollectPlan, records: Mapping[int, EpisodeRecord]) -> int | None:
+    """How many episodes from the first on have the frames wanted; None if not all of them are there."""
+    frames = 0
+    for number in itertools.count():
+        if number not in records:
+            return None
+        frames += records[number].frames
+        if frames >= plan.frames:
+            return number + 1
+    return None
 
 
-class _Book:
-    """The episodes that are finished, and which are still to be driven.
-
-    Args:
-        plan: Of the dataset.
-        root: Its folder.
-        on_progress: Told how it stands.
-
-    Attributes:
-        records: Of the episodes finished, by number.
-    """
-
-    def __init__(self, plan: CollectPlan, root: Path, on_progress: OnProgress | None) -> None:
-        self._plan, self._root, self._on_progress = plan, root, on_progress
-        self.records = folder.whole_episodes(root)
-        self._before = sum(record.frames for record in self.records.values())
-        self._under_way: dict[int, int] = {}
-        self._size = sum(map(bytes_of, self.records.values()))
-        self._tell()
-
-    def waiting(self) -> Iterator[int]:
-        """Numbers of the episodes to drive, without an end."""
-        return (number for number in itertools.count() if number not in self.records)
-
-    @property
-    def is_enough(self) -> bool:
-        return self._length() is not None
-
-    def count_of_frames(self) -> str:
-        """For messages: how many frames are finished of those wanted."""
-        return f"{sum(record.frames for record in self.records.values())} of {self._plan.frames}"
-
-    def report(self, kept: Kept) -> None:
-        """Passes on how an episode under way stands."""
-        if kept.number not in self.records:
-            self._under_way[kept.number] = kept.frames
-            self._tell()
-
-    def enter(self, record: EpisodeRecord) -> None:
-        """Adds an episode.
-
-        Raises:
-            OutputError: no episode keeps a frame.
-        """
-        self.records[record.episode] = record
-        self._under_way.pop(record.episode, None)
-        self._size += bytes_of(record)
-        self._tell(record)
-        last = [self.records[number] for number in sorted(self.records)[-_EMPTY_IN_A_ROW:]]
-        if len(last) == _EMPTY_IN_A_ROW and not any(entry.frames for entry in last):
-            raise OutputError(f"{_EMPTY_IN_A_ROW} episodes in a row kept no frame; the last: {record.ending}.")
-
-    def cut(self) -> None:
-        """Removes the episodes beyond the last one needed."""
-        length = self._length()
-        for number in [number for number in self.records if length is not None and number >= length]:
-            folder.remove(self._root, number)
-            del self.records[number]
-
-    def _length(self) -> int | None:
-        """How many episodes from the first on have the frames wanted; None if not all of them are there."""
-        frames = 0
-        for number in itertools.count():
-            if number not in self.records:
-                return None
-            frames += self.records[number].frames
-            if frames >= self._plan.frames:
-                return number + 1
-        return None
-
-    def _tell(self, last: EpisodeRecord | None = None) -> None:
-        if self._on_progress is None:
-            return
-        frames = sum(record.frames for record in self.records.values()) + sum(self._under_way.values())
-        self._on_progress(
-            CollectProgress(
-                frames=frames,
-                fresh=frames - self._before,
-                wanted=self._plan.frames,
-                episodes=len(self.records),
-                bytes=self._size,
-                free=shutil.disk_usage(self._root).free,
-                last=last,
-            )
-        )
+def _cut(root: Path, plan: CollectPlan, records: dict[int, EpisodeRecord]) -> None:
+    """Removes the episodes beyond the last one needed."""
+    length = _length(plan, records)
+    for number in [number for number in records if length is not None and number >= length]:
+        folder.remove(root, number)
+        del records[number]
 
 
 def _begin(root: Path, plan: CollectPlan, digests: Mapping[str, str], info: DatasetInfo) -> None:
@@ -250,15 +168,24 @@ def _begin(root: Path, plan: CollectPlan, digests: Mapping[str, str], info: Data
         OutputError: they are of another one; the message names the first field that differs.
         DatasetError: they are damaged, or of another version.
     """
-    content = {PLAN_KEY: PLAN_SCHEMA, "plan": plan.to_json(), "town_digests": dict(digests)}
     if (root / folder.PLAN).exists():
         begun = read_sealed(root / folder.PLAN, PLAN_KEY, PLAN_SCHEMA)
         _check_same(root, begun["plan"], plan.to_json(), "")
         _check_same(root, begun["town_digests"], dict(digests), "town ")
+    elif (root / INFO).exists():
+        raise OutputError(
+            f"the dataset in {root} was not collected (it has no {folder.PLAN}): it can't be gone on with."
+        )
     if (root / INFO).exists():
         versions = DatasetInfo.read(root).versions
         _check_same(root, {"lavsim": versions.get("lavsim")}, {"lavsim": info.versions["lavsim"]}, "")
+    write_plan(root, plan, digests)
     info.write(root)
+
+
+def write_plan(root: Path, plan: CollectPlan, digests: Mapping[str, str]) -> None:
+    """Writes `meta/plan.json`: the plan, and digests of the towns by name."""
+    content = {PLAN_KEY: PLAN_SCHEMA, "plan": plan.to_json(), "town_digests": dict(digests)}
     write_sealed(root / folder.PLAN, content)
 
 
@@ -271,20 +198,3 @@ def _check_same(root: Path, before: Mapping[str, Any], now: Mapping[str, Any], k
                 f"the dataset in {root} was begun with {kind}{name} = {before.get(name)!r}, not {now[name]!r}; "
                 "resume it as it was begun, or give another folder."
             )
-
-
-@contextmanager
-def _disk_trouble_told(root: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise _told(error, root, None) from None
-
-
-def _told(error: OSError, root: Path, book: _Book | None) -> LavsimError:
-    """What a user reads when the disk does not take what is written."""
-    safe = f" {book.count_of_frames()} frames are safe: make room and go on with --resume." if book is not None else ""
-    if error.errno in _FULL:
-        return OutputError(f"no space is left for {root} ({error.strerror}).{safe}")
-    what = f"{error.filename}: " if error.filename else ""
-    return OutputError(f"can't write to {root}: {what}{error.strerror or error}.{safe}")

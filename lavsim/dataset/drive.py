@@ -20,6 +20,7 @@ from lavsim.dataset.watched import Watched
 from lavsim.dataset.writer import EpisodeWriter
 from lavsim.episode import EpisodeResult, Observer, run_episode
 from lavsim.errors import AgentError, LavsimError
+from lavsim.random import Draws
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite
 from lavsim.sensors.suites import find_suite, with_look
@@ -94,7 +95,7 @@ def collect_episode(task: EpisodeTask, report: Callable[[Kept], None]) -> Episod
 def _drive(task: EpisodeTask, episode: EpisodePlan, report: Callable[[Kept], None]) -> EpisodeRecord:
     plan = task.plan
     simulation = Simulation(episode.spec)
-    watched, handle = drivers(simulation, plan.agent_spec(), plan.noise)
+    watched, handle = drivers(plan.agent_spec(), plan.noise, simulation.draws, lambda: simulation.snapshot.ego.speed)
     writer = EpisodeWriter(task.root, task.number, _info(plan), watched, _log_extra(plan), _facts(episode))
     observers: list[Observer] = [writer, DriveEnds(), _Reporter(task.number, writer, report)]
     try:
@@ -105,12 +106,19 @@ def _drive(task: EpisodeTask, episode: EpisodePlan, report: Callable[[Kept], Non
     return writer.record
 
 
-def drivers(simulation: Simulation, spec: AgentSpec, noise: ControlNoise | None) -> tuple[Watched, AgentHandle]:
-    """The agent that is watched, and who hands its control to the world: itself, or the noise around it."""
+def drivers(
+    spec: AgentSpec, noise: ControlNoise | None, draws: Draws, speed: Callable[[], float]
+) -> tuple[Watched, AgentHandle]:
+    """The agent that is watched, and who hands its control to the world: itself, or the noise around it.
+
+    Args:
+        spec: The agent.
+        noise: How its control is disturbed.
+        draws: Root of the drive's draws.
+        speed: Reads the ego's speed [m/s].
+    """
     watched = Watched(InProcessAgent(spec))
-    if noise is None:
-        return watched, watched
-    return watched, DisturbedAgent(watched, noise, simulation.draws, lambda: simulation.snapshot.ego.speed)
+    return watched, watched if noise is None else DisturbedAgent(watched, noise, draws, speed)
 
 
 def drive(

@@ -99,6 +99,25 @@ def sweep(root: Path, records: Mapping[int, EpisodeRecord]) -> None:
                 path.unlink(missing_ok=True)
 
 
+def swept_episodes(root: Path) -> dict[int, EpisodeRecord]:
+    """The episodes in the folder, once what a kill left beside them is gone.
+
+    Raises:
+        OutputError: workers of another process still write.
+        DatasetError: an episode is damaged.
+    """
+    with quiet(root):
+        records = whole_episodes(root)
+        sweep(root, records)
+    return records
+
+
+def tidy(root: Path, records: Mapping[int, EpisodeRecord]) -> None:
+    """Removes what was not finished; what can't be removed now goes when the work is resumed."""
+    with contextlib.suppress(OutputError), quiet(root):
+        sweep(root, records)
+
+
 def remove(root: Path, number: int) -> None:
     """Removes an episode, its record first."""
     for kind in ("record", *(kind for kind in FILES if kind != "record")):

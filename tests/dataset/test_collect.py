@@ -17,8 +17,9 @@ from lavsim.cli import main
 from lavsim.dataset import collect as collecting
 from lavsim.dataset import drive as driving
 from lavsim.dataset import folder
-from lavsim.dataset.collect import Collected, CollectProgress, collect
+from lavsim.dataset.collect import Collected, collect
 from lavsim.dataset.record import EpisodeRecord
+from lavsim.dataset.tally import Progress, bytes_of
 from lavsim.errors import AgentError, LavsimError, OutputError
 from lavsim.log.reader import LogReader
 from tests.dataset.collected import digests, short_plan
@@ -51,11 +52,11 @@ def test_the_dataset_is_the_shortest_run_of_episodes_with_frames_enough(collecte
 
 
 def test_two_processes_collect_what_one_collects(collected: Path, tmp_path: Path) -> None:
-    seen: list[CollectProgress] = []
+    seen: list[Progress] = []
     collect(short_plan(), tmp_path / "data", workers=2, on_progress=seen.append)
     assert digests(tmp_path / "data") == digests(collected)
     assert seen[-1].frames >= seen[-1].wanted == 30
-    assert seen[-1].bytes == sum(collecting.bytes_of(r) for r in folder.whole_episodes(collected).values())
+    assert seen[-1].bytes == sum(bytes_of(r) for r in folder.whole_episodes(collected).values())
 
 
 def test_a_dataset_grows_into_the_larger_one(collected: Path, tmp_path: Path) -> None:
