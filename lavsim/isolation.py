@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import mmap
 import os
+import secrets
 import select
 import signal
 import socket
@@ -33,6 +34,8 @@ SHARED_BYTES = 2**28  # address space only: pages are taken as they are written
 REPLY_LIMIT = 2**24  # [bytes] a control or a list of sensors is far below
 WATCH_INTERVAL = 0.5  # [s] between looks at the child's memory
 CLOSE_TIMEOUT = 5.0  # [s] that `destroy` may take
+MARK = "LAVSIM_AGENT"  # variable by which what an agent started is known again
+_ROUNDS = 5  # of killing, for those that multiply meanwhile
 
 SINGLE_THREAD = dict.fromkeys(
     (
@@ -69,6 +72,8 @@ class ChildAgent:
         self._stream: socket.socket | None = None
         self._drain: threading.Thread | None = None
         self._watched = 0.0
+        self._mark = secrets.token_hex(8)
+        self._offspring: set[psutil.Process] = set()  # all that were ever seen
         self._track = Track.SENSORS
         self._sensors: list[dict[str, Any]] = []
         self._drawings: dict[str, Drawing] = {}
@@ -154,7 +159,7 @@ class ChildAgent:
                 stderr=subprocess.STDOUT,
                 pass_fds=(theirs.fileno(), descriptor),
                 start_new_session=True,
-                env={**os.environ, **SINGLE_THREAD, "PYTHONUNBUFFERED": "1", **self._environment},
+                env={**os.environ, **SINGLE_THREAD, "PYTHONUNBUFFERED": "1", MARK: self._mark, **self._environment},
             )
             block = mmap.mmap(descriptor, SHARED_BYTES)
         finally:
@@ -230,6 +235,7 @@ class ChildAgent:
             child = psutil.Process(self._process.pid)
             used = child.memory_info().rss
             for process in child.children(recursive=True):
+                self._offspring.add(process)
                 with contextlib.suppress(psutil.Error):
                     used += process.memory_info().rss
         except psutil.Error:
@@ -253,7 +259,11 @@ class ChildAgent:
         return f"the agent's process ended itself with exit code {code}"
 
     def _end(self) -> None:
-        """Kills the process group and everything the child started, and waits for it."""
+        """Kills the process group and everything the child started, and waits for it.
+
+        What left the group and the child's family (a daemon forks twice) is adopted by the child while that lives, and
+        known by its environment or from earlier looks if not.
+        """
         process, self._process = self._process, None
         stream, self._stream = self._stream, None
         self._channel = None
@@ -261,16 +271,20 @@ class ChildAgent:
             stream.close()
         if process is None:
             return
-        offspring: list[psutil.Process] = []
         with contextlib.suppress(psutil.Error):
-            offspring = psutil.Process(process.pid).children(recursive=True)
+            self._offspring |= set(psutil.Process(process.pid).children(recursive=True))
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
-        for orphan in offspring:  # those that left the group
-            with contextlib.suppress(psutil.Error):
-                orphan.kill()
         process.wait()
-        psutil.wait_procs(offspring, timeout=2.0)
+        for _ in range(_ROUNDS):
+            left = {p for p in self._offspring | _marked(self._mark) if p.is_running()}
+            for orphan in left:
+                with contextlib.suppress(psutil.Error):
+                    self._offspring |= set(orphan.children(recursive=True))
+                    orphan.kill()
+            if not left or not psutil.wait_procs(left, timeout=2.0)[1]:
+                break
+        self._offspring.clear()
         if self._drain is not None:
             self._drain.join(2.0)
             self._drain = None
@@ -278,6 +292,16 @@ class ChildAgent:
 
 class _MemoryError(Exception):
     pass
+
+
+def _marked(mark: str) -> set[psutil.Process]:
+    """Processes that have `mark` in their environment."""
+    found = set()
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error, OSError):
+            if process.environ().get(MARK) == mark:
+                found.add(process)
+    return found
 
 
 def _believable(drawings: Any) -> dict[str, Drawing]:

@@ -21,6 +21,7 @@ from lavsim.messages import Channel
 def main(arguments: list[str]) -> int:
     """Answers orders until the parent says `close` or is gone."""
     _die_with_parent()
+    _adopt_orphans()
     stream = socket.socket(fileno=int(arguments[0]))
     shared = mmap.mmap(int(arguments[1]), 0)
     os.close(int(arguments[1]))
@@ -90,6 +91,12 @@ def _die_with_parent() -> None:
     """Asks Linux to kill this process with the parent, which else could leave a hanging agent behind."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+def _adopt_orphans() -> None:
+    """Asks Linux to hand this process what daemons of the agent leave, so that the parent finds them below it."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(36, 1)  # PR_SET_CHILD_SUBREAPER
 
 
 if __name__ == "__main__":
