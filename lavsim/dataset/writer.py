@@ -163,7 +163,8 @@ class EpisodeWriter:
         files[file_of("log", self._episode)] = FileFacts.of(self._path("log"))
         if self._info.record.tables:
             columns: tuple[FieldSpec, ...] = self._info.columns
-            facts = {"town": self._spec.town, "episode": str(self._episode)}
+            spec = self._spec
+            facts = {"episode": str(self._episode), "town": spec.town, "route": spec.route_id, "seed": str(spec.seed)}
             table = Table.of_rows(self._rows, columns)
             files[file_of("table", self._episode)] = write_table(self._path("table"), table, columns, facts)
         if self._shard is not None:
