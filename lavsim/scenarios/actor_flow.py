@@ -14,7 +14,18 @@ from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.enter import clear_line
 from lavsim.scenarios.moves.flow import ActorFlow
-from lavsim.scenarios.moves.junctions import LEFT, OPPOSITE, RIGHT, SAME, JunctionAhead, Way, junction_ahead, no_turn
+from lavsim.scenarios.moves.junctions import (
+    LEFT,
+    OPPOSITE,
+    RIGHT,
+    SAME,
+    JunctionAhead,
+    Way,
+    has_light,
+    junction_ahead,
+    no_turn,
+)
+from lavsim.scenarios.moves.meeting import phase_to_meet
 from lavsim.scenarios.moves.route_lines import line_beside, line_between, oncoming_between
 from lavsim.scenarios.parameters import Interval, Location
 from lavsim.scenarios.place import Site
@@ -72,19 +83,16 @@ class FlowScenario(Scenario):
         return None if lines else "nobody's way meets that of the route"
 
     def suits(self, site: Site) -> str | None:
-        return self.fits(site) or no_turn(site, *self.turns)
+        return self.fits(site) or no_turn(site, *self.turns) or has_light(site)
 
     def place(self, stage: Stage) -> None:
         self._ways = self._lines(stage.site)
         self._flows = []
         for line in self._ways:
             clear_line(stage, line)
-            self._flows.append(
-                ActorFlow(
-                    self, stage, line, self.config.flow_speed, self.config.source_dist_interval,
-                    prefilled=self.prefilled, keeps_distance=False,
-                )
-            )  # fmt: skip
+            speed, gap = self.config.flow_speed, self.config.source_dist_interval
+            phase = phase_to_meet(stage, line, speed)
+            self._flows.append(ActorFlow(self, stage, line, speed, gap, prefilled=self.prefilled, phase=phase))
 
     def script(self, stage: Stage) -> Script:
         stage.flags.set(HAZARD_OWNS_TIMER)
@@ -124,7 +132,8 @@ class EnterActorFlow(FlowScenario):
     """NHTSA pre-crash type: merging into fast traffic (changing lanes, same direction).
 
     Vehicles drive from `start_actor_flow` to `end_actor_flow` at `flow_speed` without minding anybody; their way is
-    full of them at once. It is over when the ego is at the end of that way. It owns a timer of 240 s.
+    full of them at once, one of which would meet an ego that keeps its speed. It is over when the ego is at the end of
+    that way. It owns a timer of 240 s.
 
     Parameters: start_actor_flow, end_actor_flow (places), flow_speed 10 m/s, source_dist_interval 20 to 50 m.
 
@@ -184,6 +193,12 @@ class HighwayExit(FlowScenario):
 
     Source: leaderboard 2.x (reference `leaderboard.md` 6.3).
     """
+
+    def suits(self, site: Site) -> str | None:
+        reason = self.fits(site) or no_turn(site, near=40.0, far=250.0)
+        end = site.index if site.junction is None else site.junction[0]
+        changes = site.route.command[site.index : end] == int(RoadOption.CHANGELANERIGHT)
+        return reason or (None if changes.any() else "the route should change to the right lane before the junction")
 
     def _lines(self, site: Site) -> list[Line]:
         if self.config.start_actor_flow is not None:

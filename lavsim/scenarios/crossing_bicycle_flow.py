@@ -12,6 +12,7 @@ from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.flow import BICYCLES, ActorFlow
 from lavsim.scenarios.moves.junctions import LEFT, OPPOSITE, RIGHT, SAME, junction_ahead, no_light, no_turn, side_of
+from lavsim.scenarios.moves.meeting import phase_to_meet
 from lavsim.scenarios.parameters import Interval, Location
 from lavsim.scenarios.place import Site, line_ahead
 from lavsim.types import LaneType, RoadOption
@@ -47,9 +48,10 @@ class CrossingBicycleFlow(Scenario):
     """NHTSA pre-crash type: cyclist crossing, with prior vehicle manoeuvre (turning).
 
     From the trigger on bicycles ride from `start_actor_flow` straight through the junction, across the ego's turn, at
-    `flow_speed` and without minding anybody; their way is full of them at once. Without that place they ride along the
-    right edge of a lane whose way meets the ego's: beside it where it turns right, against it where it turns left. The
-    ego's light is red for 5 s, then green. It is over when the ego has left the junction. It owns a timer of 240 s.
+    `flow_speed` and without minding anybody; their way is full of them at once, and one would meet an ego that keeps
+    its speed. Without that place they ride along the right edge of a lane whose way meets the ego's: beside it where it
+    turns right, against it where it turns left. The ego's light is red for 5 s, then green. It is over when the ego has
+    left the junction. It owns a timer of 240 s.
 
     Parameters: start_actor_flow (a place), flow_speed 10 m/s, source_dist_interval 20 to 50 m.
 
@@ -70,9 +72,8 @@ class CrossingBicycleFlow(Scenario):
     def place(self, stage: Stage) -> None:
         line, speed, gap = self._line(stage.site), self.config.flow_speed, self.config.source_dist_interval
         offset = _EDGE if self._rides_on_road(stage.site) else 0.0
-        self._flow = ActorFlow(
-            self, stage, line, speed, gap, BICYCLES, prefilled=True, keeps_distance=False, offset=offset
-        )
+        phase = phase_to_meet(stage, line, speed)
+        self._flow = ActorFlow(self, stage, line, speed, gap, BICYCLES, prefilled=True, offset=offset, phase=phase)
 
     def script(self, stage: Stage) -> Script:
         stage.flags.set(HAZARD_OWNS_TIMER)

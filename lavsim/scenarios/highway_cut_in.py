@@ -13,7 +13,7 @@ from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.enter import clear_line, enter
 from lavsim.scenarios.moves.flow import CARS
 from lavsim.scenarios.moves.follow import LaneFollower
-from lavsim.scenarios.moves.junctions import LEFT, RIGHT, SAME, JunctionAhead, Way, junction_ahead
+from lavsim.scenarios.moves.junctions import LEFT, RIGHT, SAME, JunctionAhead, Way, has_light, junction_ahead, no_turn
 from lavsim.scenarios.moves.models import pick
 from lavsim.scenarios.parameters import Location
 from lavsim.scenarios.place import Site, line_ahead
@@ -24,6 +24,7 @@ _BESIDE, _TURN = 4.5, np.radians(15.0)  # [m], [rad] of the car's way from the r
 _HEAD = 9.0  # [m] that the car is ahead of the ego when it cuts in
 _SLOWER = 0.8  # of the ego's speed
 _FASTEST, _SLOWEST = 35.0, 3.0  # [m/s] while it comes alongside
+_HIGHWAY = 70.0 / 3.6  # [m/s] limit of a road where a new file puts it
 _SECONDS, _OTHER_LANE = 2.0, 3.0  # [s] of the change, [s] in the ego's lane afterwards
 
 
@@ -58,6 +59,11 @@ class HighwayCutIn(Scenario):
         if line is None:
             return "no slip road joins at the next junction"
         return None if _alongside(site, line) is not None else "the car's way does not run along the route"
+
+    def suits(self, site: Site) -> str | None:
+        reason = self.fits(site) or no_turn(site, near=40.0, far=150.0) or has_light(site)
+        fast = site.anchor.speed_limit >= _HIGHWAY
+        return reason or (None if fast else f"the speed limit is below {3.6 * _HIGHWAY:.0f} km/h")
 
     def place(self, stage: Stage) -> None:
         line = self._line(stage.site)

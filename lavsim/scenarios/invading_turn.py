@@ -88,5 +88,5 @@ class InvadingTurn(Scenario):
         assert line is not None  # `fits` has seen to it
         clear_line(stage, line)
         offset = -(self.config.offset + place.width / 2.0)
-        flow = ActorFlow(self, stage, line, place.speed_limit, _GAP, keeps_distance=False, offset=offset)
+        flow = ActorFlow(self, stage, line, place.speed_limit, _GAP, offset=offset)
         yield from wait.beside(wait.until(wait.ego_past(stage, self.config.distance)), flow.run())

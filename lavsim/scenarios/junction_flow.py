@@ -20,6 +20,7 @@ from lavsim.scenarios.moves.junctions import (
     no_light,
     no_turn,
 )
+from lavsim.scenarios.moves.meeting import phase_to_meet
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site
 from lavsim.types import RoadOption
@@ -88,7 +89,8 @@ class JunctionFlow(Scenario):
         line = way.path(self.reach[0] * speed, self.reach[1] * speed)
         clear_line(stage, line)
         gap = self.config.source_dist_interval
-        self._flow = ActorFlow(self, stage, line, speed, gap, prefilled=self.prefilled, keeps_distance=False)
+        phase = phase_to_meet(stage, line, speed)
+        self._flow = ActorFlow(self, stage, line, speed, gap, prefilled=self.prefilled, phase=phase)
 
     def script(self, stage: Stage) -> Script:
         stage.flags.set(HAZARD_OWNS_TIMER)
@@ -117,8 +119,9 @@ class NonSignalizedJunctionLeftTurn(JunctionFlow):
     """NHTSA pre-crash type: left turn across path, opposite direction, at a junction without signals.
 
     From the trigger on vehicles come from the opposite approach, straight across the ego's left turn, at `flow_speed`
-    and without minding anybody; they appear four seconds before the junction and vanish two and a half behind it. It is
-    over when the ego is 10 m past the junction. It owns a timer of 240 s.
+    and without minding anybody; they appear four seconds before the junction and vanish two and a half behind it. The
+    first would meet an ego that keeps its speed. It is over when the ego is 10 m past the junction. It owns a timer of
+    240 s.
 
     Parameters: flow_speed 20 m/s, source_dist_interval 25 to 50 m.
 

@@ -13,7 +13,7 @@ from lavsim.scenarios.base import Scenario, Script, Stage
 from lavsim.scenarios.moves.follow import ACCELERATION, DECELERATION, step_column
 from lavsim.scenarios.moves.pursuit import line_of, make_column
 from lavsim.scenarios.parameters import Interval
-from lavsim.types import Role
+from lavsim.types import DT, Role
 from lavsim.world.actor import Actor
 
 CARS = (
@@ -40,6 +40,8 @@ class ActorFlow:
         keeps_distance: Whether they brake for what is ahead.
         most: How many come in all; None: without end.
         offset: To the right of the line [m].
+        phase: Where the first one is at once [m of the line]; a prefilled line is full from there back. Below 0 the
+            first comes when one that drives at `speed` would have come so far from before the line.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class ActorFlow:
         keeps_distance: bool = False,
         most: int | None = None,
         offset: float = 0.0,
+        phase: float | None = None,
     ) -> None:
         self._scenario, self._stage, self.line = scenario, stage, line_of(line)
         self.speed, self._gap, self._models, self._keeps = speed, gap, models, keeps_distance
@@ -62,12 +65,14 @@ class ActorFlow:
         self._draws = stage.draws.stream("flow", len(scenario.actors))
         self._next_gap = self._draw_gap()
         self.is_open = True
-        if prefilled:
-            at = self.line.length - 1.0
-            while at > 0.0 and self._may_come():
-                self._spawn(at)
-                at -= self._next_gap
-                self._next_gap = self._draw_gap()
+        self._pause = round(max(-(phase or 0.0), 0.0) / (max(speed, 0.1) * DT))  # ticks until the first one comes
+        at = self.line.length - 1.0 if phase is None else min(phase, self.line.length - 1.0)
+        wanted = prefilled or phase is not None
+        while wanted and at > 0.0 and self._may_come():
+            self._spawn(at)
+            at -= self._next_gap
+            self._next_gap = self._draw_gap()
+            wanted = prefilled
 
     def __len__(self) -> int:
         """Vehicles under way."""
@@ -95,8 +100,12 @@ class ActorFlow:
             world.remove(Actor(world, int(column.row[slot])))
             column.row[slot] = -1
         column.row[here & ~world.present[column.row]] = -1
+        if (world.touched[column.row[column.row >= 0]] >= 0).any():
+            self._keeps = True  # whoever follows has seen it
+            column.keeps[:] = True
+        self._pause -= 1
         last = float(np.min(column.at[column.row >= 0], initial=np.inf))
-        if last >= self._next_gap and self._may_come() and self._spawn(0.0):
+        if self._pause < 0 and last >= self._next_gap and self._may_come() and self._spawn(0.0):
             self._next_gap = self._draw_gap()
         column.wanted[:] = self.speed
         step_column(self._stage, self.line, column, (ACCELERATION, DECELERATION))
@@ -106,6 +115,13 @@ class ActorFlow:
         while True:
             self.step()
             yield
+
+    def _keep_clear(self) -> None:
+        """Once one of them has touched something all keep their distance: one accident is enough."""
+        here = self._column.row >= 0
+        if not self._keeps and (self._stage.world.touched[self._column.row[here]] >= 0).any():
+            self._keeps = True
+            self._column.keeps[:] = True
 
     def _draw_gap(self) -> float:
         return float(self._draws.uniform(self._count, 1, *self._gap)[0])

@@ -1,0 +1,28 @@
+"""When a stream of vehicles meets the ego."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lavsim.scenarios.base import Stage
+
+_MEET = 1.2  # [m] of a line from the route where the two meet
+_SLOWEST = 5.0  # [m/s] that the ego is taken to drive at least
+
+
+def phase_to_meet(stage: Stage, line: NDArray[np.float64], speed: float) -> float | None:
+    """Where on `line` (N, 2) a vehicle at `speed` is now if it meets an ego that keeps its own [m].
+
+    Negative: it has not come to the line yet. None: line and route don't meet after the ego's place.
+    """
+    first = int(np.searchsorted(stage.route.distance, stage.progress()))
+    apart = np.hypot(*(stage.route.xy[first:, None] - line[None]).transpose(2, 0, 1))
+    near = np.flatnonzero(apart.min(axis=1) < _MEET)
+    if not len(near):
+        return None
+    point = int(near[0])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    left = float(stage.route.distance[first + point]) - stage.progress()
+    seconds = left / max(stage.world.ego.speed, _SLOWEST)
+    return float(along[int(np.argmin(apart[point]))]) - speed * seconds
