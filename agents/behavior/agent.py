@@ -39,6 +39,7 @@ AT_REST = 0.05  # [m/s] below the 0.1 that counts as stopped
 SIGN_REACH = 2.5  # [m] before the end of its lane a stop counts for a stop sign, by the stricter rules of 2.x
 JUNCTION_OPTIONS = (RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT)
 DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] without a map
+BACKING_AFTER = 3.0  # [s] of standing before an obstacle
 LATE = 4.0  # [m/s²] it keeps off obstacles it wants to pass if that braking suffices
 PATIENCE = 20.0  # [s] of standing for others after which it takes the smallest gaps
 
@@ -129,7 +130,8 @@ class Expert:
         window = path.xy[begin : begin + int(RANGE / STEP)]
         memory = self._memory.update(truth)
         forecast = self._forecaster.update(truth, memory, window)
-        met = meetings(path, ego, forecast, self.manner, self._patience(truth, speed))
+        patience = self._patience(truth, speed)
+        met = meetings(path, ego, forecast, self.manner, patience)
         kerb = met.kerb
         slope = (wanted - path.at(self.way.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
         bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), self.manner), False)]
@@ -137,7 +139,7 @@ class Expert:
             worst = int(np.argmin(met.acceleration))
             held_by = f"actor {int(truth['ids'][forecast.row[worst]])}"
             bounds.append((held_by, float(met.acceleration[worst]), math.isfinite(met.stop[worst])))
-        self.detour.update(ego, truth, memory, _first_touched(met.first, forecast.row), self.manner)
+        self.detour.update(ego, truth, memory, _first_touched(met.first, forecast.row), patience)
         bounds.append((f"actor {self.detour.waits_for}", self._gap_to_wait(ego), True))
         bounds.append(("light", self._lights(ego, truth["lights"]), True))
         bounds.append(("stop sign", self._stop_sign(ego), True))
@@ -145,6 +147,8 @@ class Expert:
         bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner), True))
         self.reason, acceleration, self._stops = min(bounds, key=lambda bound: bound[1])
         self.view = View(truth, forecast, s, min(wanted, kerb), acceleration, self.reason)
+        if self.detour.backs and self._waiting > BACKING_AFTER:
+            return self._controller.back(float(truth["ego_speed"]))
         return self._controller.command(path, s, offset, ego.yaw, speed, acceleration)
 
     @property

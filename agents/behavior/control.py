@@ -23,6 +23,7 @@ SOFT_SPEED = 2.5  # [m/s] keeps the correction mild at walking pace
 STEER_RATE = 0.16  # a tick: full lock takes 0.3 s
 JERK = 12.0  # [m/s³] for what was foreseen; emergencies are not smoothed
 EMERGENCY = -4.0  # [m/s²]
+BACKING_SPEED, BACKING_THROTTLE = 1.2, 0.4  # [m/s]
 RELEASED = -1.5  # [m/s²] the brake comes off at once down to here
 
 
@@ -46,6 +47,12 @@ class Controller:
         self._acceleration = acceleration
         throttle, brake = pedals(speed, acceleration)
         return Control(throttle=throttle, steer=steer, brake=brake)
+
+    def back(self, speed: float) -> Control:
+        """Drives straight back at walking pace; `speed` is negative then [m/s]."""
+        self._acceleration = 0.0
+        self._steer = 0.0
+        return Control(throttle=BACKING_THROTTLE if speed > -BACKING_SPEED else 0.0, reverse=True)
 
     def _steering(self, path: ReferencePath, s: float, offset: float, yaw: float, speed: float) -> float:
         """Steers the course, not the heading: in the fitted bicycle the slip angle follows the wheel at once.

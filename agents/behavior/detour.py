@@ -10,13 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.behavior.beside import AGAINST, BESIDE, Neighbours, ground, neighbours
+from agents.behavior.beside import Neighbours, ground, neighbours
 from agents.behavior.forecast import FLAT
+from agents.behavior.gaps import is_free
 from agents.behavior.hazards import Ego
-from agents.behavior.manner import Manner
 from agents.behavior.memory import SPEED, STOOD
 from agents.behavior.path import ReferencePath
-from agents.behavior.speed import time_to_cover
 from agents.behavior.way import BEND, Shift, Way
 from lavsim.map.town_map import TownMap
 from lavsim.types import ActorClass, Role, VehicleLight
@@ -25,6 +24,7 @@ Floats = NDArray[np.float64]
 
 EVERY = 4  # ticks between looks
 REACH = 65.0  # [m] at which an obstacle is gone round
+BACKING_ROOM = 8.0  # [m] kept free behind it when it drives back
 STANDOFF = 10.0  # [m] at which it waits for a gap: nearer, it could not steer past
 CLEARANCE = 0.55  # [m] kept from what stands
 CLEARANCE_RIDER = 0.9  # [m] from who rides
@@ -37,13 +37,8 @@ TIGHTEST = 0.2  # [1/m] bend of the sharpest ramp
 RAMP_TIME, RAMP_LEAST, RAMP_MOST = 2.2, 10.0, 32.0  # [s], [m], [m]
 JOINED = 18.0  # [m] between obstacles that are passed in one go
 STRAIGHT = 0.03  # [1/m] it passes nothing in sharper bends
-SPARE = 1.0  # [s] left to who comes against it
-FOLLOW_GAP = 1.2  # [s] left to who comes from behind in the lane it moves to
-EASY_BRAKING = 2.0  # [m/s²] expected of them
-SIGHT = 200.0  # [m] from where on somebody it doesn't know of may come against it
-FASTEST_UNSEEN = 14.0  # [m/s]
+GIVING_UP = 3.5  # [m/s²] braking for it
 OUT = 0.35  # of the way aside, up to which it gives up what it began
-PULL = 1.8  # [m/s²] at which it passes
 
 _FLASHING = int(VehicleLight.LEFT_BLINKER | VehicleLight.RIGHT_BLINKER)
 _SPECIAL = int(VehicleLight.SPECIAL1 | VehicleLight.SPECIAL2)
@@ -72,6 +67,7 @@ class Detour:
         shift: The stretch that is driven beside the path now, or None.
         waits: Place at which it waits for a gap [m along the path, of the front]; inf where it needn't.
         waits_for: Id of the obstacle it waits before.
+        backs: Whether it drives back now, because it stands too near to an obstacle to steer round it.
     """
 
     def __init__(self, way: Way, town: TownMap | None, lines: Sequence[float] = ()) -> None:
@@ -79,10 +75,11 @@ class Detour:
         self.shift: Shift | None = None
         self.waits = math.inf
         self.waits_for = 0
+        self.backs = False
         self._kind = ""
         self._tick = 0
 
-    def update(self, ego: Ego, truth: Mapping[str, Any], memory: Floats, touched: int, manner: Manner) -> None:
+    def update(self, ego: Ego, truth: Mapping[str, Any], memory: Floats, touched: int, patience: float) -> None:
         """Looks at the road every few ticks.
 
         Args:
@@ -90,7 +87,7 @@ class Detour:
             truth: The reading.
             memory: (N, 5) what is remembered of its actors.
             touched: Row of the actor that stands or drives in its way first; -1 if nobody does.
-            manner: How it drives.
+            patience: 1 at first; falls to 0 while the ego stands for others.
         """
         if self.shift is not None and ego.s > self.shift.end:
             self.shift = None
@@ -98,7 +95,7 @@ class Detour:
         self._tick += 1
         if self._tick % EVERY or self._town is None:
             return
-        self.waits = math.inf
+        self.waits, self.backs = math.inf, False
         rows = np.array([touched] if touched >= 0 else [], dtype=np.int64)
         sure, long = _obstacles(truth, memory, rows)
         if self.shift is None and not np.any(sure | long):
@@ -107,14 +104,24 @@ class Detour:
         is_blocked = bool(np.any(sure)) or (bool(np.any(long)) and self._is_alone(touched, near))
         blocks = np.logical_or(*_obstacles(truth, memory, near.row))
         if self.shift is not None:
-            out = self.shift.begin + OUT * (self.shift.full - self.shift.begin)
-            if ego.s > out or self._is_free(ego, self.shift, self._kind, near):
+            if not self._gives_up(ego, near):
                 self._prolong(ego, near, blocks, truth)
                 return
             self.shift = None
             self._way.clear()
         if is_blocked:
-            self._begin(ego, near, blocks, truth, touched)
+            self._begin(ego, near, blocks, truth, touched, patience)
+
+    def _gives_up(self, ego: Ego, near: Neighbours) -> bool:
+        """Whether somebody comes after all, and it is still on its lane with room to wait there."""
+        shift = self.shift
+        assert shift is not None
+        if ego.s > shift.begin + OUT * (shift.full - shift.begin):
+            return False
+        room = shift.full + 0.5 - STANDOFF - ego.s
+        if room < 0.0 or ego.speed**2 > 2.0 * GIVING_UP * room:
+            return False
+        return not self._is_free(ego, shift, self._kind, near, 0.5)
 
     def _is_alone(self, row: int, near: Neighbours) -> bool:
         """Whether a vehicle stands for itself: in no queue, and not before a light or a junction."""
@@ -126,27 +133,47 @@ class Detour:
         held = np.any((self._lines > front - 2.0) & (self._lines < front + LINE_REACH))
         return not held and not np.any(ahead & (np.abs(near.speed) < SLOW))
 
-    def _begin(self, ego: Ego, near: Neighbours, blocks: NDArray[np.bool_], truth: Mapping[str, Any], row: int) -> None:
+    def _begin(
+        self,
+        ego: Ego,
+        near: Neighbours,
+        blocks: NDArray[np.bool_],
+        truth: Mapping[str, Any],
+        row: int,
+        patience: float,
+    ) -> None:
         """Goes round the obstacle that begins with `row`, or waits before it."""
         first = int(np.flatnonzero(near.row == row)[0]) if row in near.row else -1
         if first < 0 or near.rear[first] - ego.s > REACH or near.front[first] < ego.s:
             return
         obstacle = _together(near, blocks, first, ego.half_width, truth)
-        options = []
+        options, is_tight = [], False
         for offset in _offsets(obstacle, ego.half_width):
             shift = self._plan(ego, obstacle, offset)
-            kind = self._ground(ego, shift) if shift is not None else None
-            if shift is not None and kind is not None:
+            if shift is None:
+                is_tight = is_tight or self._leads(ego, obstacle.rear, obstacle.front, offset) is not None
+            elif kind := self._ground(ego, shift):
                 options.append((abs(offset), shift, kind))
         if not options:
+            self.backs = is_tight and self._backs(ego, obstacle, near)
             return
         for _size, shift, kind in sorted(options, key=lambda option: option[0]):
-            if self._is_free(ego, shift, kind, near):
+            if self._is_free(ego, shift, kind, near, patience):
                 self.shift, self._kind = shift, kind
                 self._way.take(shift, ego.s)
                 return
         if obstacle.speed < 0.3:
             self.waits, self.waits_for = obstacle.rear - STANDOFF, int(truth["ids"][row])
+
+    def _backs(self, ego: Ego, obstacle: Obstacle, near: Neighbours) -> bool:
+        """Whether it drives back to have room to steer round what it stands before."""
+        room = obstacle.rear - ego.s - ego.half_length
+        if obstacle.speed > 0.3 or ego.speed > 1.5 or room >= STANDOFF or room < -1.0:
+            return False
+        back = ego.s - ego.half_length
+        behind = (near.left < 1.5) & (near.right > -1.5) & (near.rear < back) & (near.front > back - BACKING_ROOM)
+        line = np.any((self._lines > back - STANDOFF) & (self._lines < ego.s))
+        return not (behind.any() or line)
 
     def _prolong(self, ego: Ego, near: Neighbours, blocks: NDArray[np.bool_], truth: Mapping[str, Any]) -> None:
         """Stays aside where there is more to pass."""
@@ -190,37 +217,19 @@ class Detour:
         return Shift(full - ramp, full, leave, leave + fall, offset)
 
     def _ground(self, ego: Ego, shift: Shift) -> str | None:
-        """The lane it leads over; None where it can't."""
+        """The lane a shift leads over; None where it can't."""
         path = self._way.base
-        assert self._town is not None
         if shift.end > path.end or _bends(path, max(shift.begin, ego.s), shift.end):
             return None
-        return ground(path, self._town, max(shift.full - 2.0, 0.0), shift.leave + 2.0, shift.offset, ego.half_width)
+        return self._leads(ego, shift.full, shift.leave, shift.offset)
 
-    def _is_free(self, ego: Ego, shift: Shift, kind: str, near: Neighbours) -> bool:
-        """Whether nobody is or comes where the shift leads."""
-        half = ego.half_width + 0.35
-        aside = (near.left < shift.offset + half) & (near.right > shift.offset - half)
-        ends = shift.leave + 0.6 * (shift.end - shift.leave) + ego.half_length
-        stands = aside & (np.abs(near.speed) < 0.3) & (near.front > shift.begin) & (near.rear < ends)
-        if stands.any():
-            return False
-        top = max(ego.wanted, 3.0)
-        time = time_to_cover(ends - ego.s, ego.speed, PULL, top) + 0.3
-        unseen = SIGHT - min(self._way.limit_at(ego.s), FASTEST_UNSEEN) * (time + SPARE)
-        if kind == AGAINST and ego.s + unseen < ends:
-            return False
-        against = aside & (near.speed < -0.3) & (near.front > ego.s)
-        if np.any(near.rear[against] + (near.speed[against] - 1.0) * (time + SPARE) < ends):
-            return False
-        if kind not in (BESIDE, AGAINST):
-            return True
-        along = aside & (near.speed >= 0.3)
-        front, back = ego.s + ego.half_length, ego.s - ego.half_length
-        closing = np.maximum(near.speed - ego.speed, 0.0)
-        needed = 2.0 + FOLLOW_GAP * closing + closing**2 / (2.0 * EASY_BRAKING)
-        comes = along & (near.rear < front + 3.0) & (near.front > back - needed)
-        return not comes.any()
+    def _leads(self, ego: Ego, begin: float, end: float, offset: float) -> str | None:
+        """What lies `offset` metres beside a stretch of the path."""
+        assert self._town is not None
+        return ground(self._way.base, self._town, max(begin - 2.0, 0.0), end + 2.0, offset, ego.half_width)
+
+    def _is_free(self, ego: Ego, shift: Shift, kind: str, near: Neighbours, patience: float) -> bool:
+        return is_free(ego, shift, kind, near, self._way.limit_at(ego.s), patience)
 
 
 def _obstacles(

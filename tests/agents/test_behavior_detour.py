@@ -14,7 +14,7 @@ from agents.behavior.way import Shift, shifted
 from lavsim.map.town_map import TownMap
 from lavsim.types import ActorClass, Role, VehicleLight
 from tests import worlds
-from tests.agents.test_behavior import FOLLOW, LENGTH, WIDTH, Other, Road, straight
+from tests.agents.test_behavior import FOLLOW, LENGTH, Other, Road, straight
 
 FLASHING = int(VehicleLight.LEFT_BLINKER | VehicleLight.RIGHT_BLINKER)
 LANE = 1.75  # [m] y of the ego's lane on a street along y = 0
@@ -22,9 +22,6 @@ LANE = 1.75  # [m] y of the ego's lane on a street along y = 0
 
 class Street(Road):
     """A road with a town under it; actors have roles and lights, and the least gap counts turned boxes."""
-
-    roles: dict[int, Role]
-    flashing: dict[int, int]
 
     def truth(self) -> dict[str, Any]:
         truth = super().truth()
@@ -96,6 +93,22 @@ def test_gap_in_a_stream_is_taken_without_touching_anybody() -> None:
     assert road.x > 120.0
 
 
+def test_too_near_to_steer_it_drives_back_first() -> None:
+    road = street([parked(70.0, LANE)], speed=0.0)
+    road.x = 70.0 - 2.25 - LENGTH / 2.0 - 2.5
+    road.drive(40.0)
+    assert min(road.speeds) < -0.5
+    assert road.closest > 0.3
+    assert road.x > 100.0
+
+
+def test_it_does_not_drive_back_into_who_stands_behind() -> None:
+    road = street([parked(70.0, LANE), Other(55.0, LANE)], speed=0.0)
+    road.x = 70.0 - 2.25 - LENGTH / 2.0 - 2.5
+    road.drive(10.0)
+    assert min(road.speeds) >= 0.0
+
+
 def test_lane_beside_is_left_to_who_comes_from_behind() -> None:
     town = worlds.two_lanes()
     right = float(town.centre(np.array([town.lanes.where(2)[-1]]), np.array([50.0]))[0, 1])
@@ -126,6 +139,3 @@ def test_shifted_path_is_smooth_and_as_far_aside_as_asked() -> None:
     assert np.abs(path.curvature).max() < 1.1 * math.pi**2 / 2.0 * 3.0 / 20.0**2
     assert np.abs(np.diff(path.yaw)).max() < 0.03
     assert (path.xy[-20:] == base.xy[-20:]).all()
-
-
-__all__ = ["LENGTH", "WIDTH"]
