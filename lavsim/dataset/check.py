@@ -152,6 +152,8 @@ def _episode(
     try:
         if file_of("log", record.episode) in record.files:  # what was imported has none
             findings += _against_log(root, info, record, data)
+        elif info.record.tables and len(data.table(record.episode)) != record.frames:
+            findings.append(Finding(file_of("table", record.episode), f"it has not {record.frames} frames."))
         if info.record.blobs:
             findings += _blobs(info, record, data, all_blobs)
     except LavsimError as error:

@@ -151,3 +151,14 @@ def reseal(root: Path, name: str, facts: FileFacts) -> None:
     content = read_sealed(root / RECORD, VERSION_KEY, 1)
     content["files"][name] = {"bytes": facts.bytes, "sha256": facts.sha256}
     write_sealed(root / RECORD, content)
+
+
+def test_drives_recorded_elsewhere_have_no_log(copy: Path) -> None:
+    content = read_sealed(copy / RECORD, VERSION_KEY, 1)
+    del content["files"][LOG]
+    (copy / LOG).unlink()
+    write_sealed(copy / RECORD, content)
+    assert check(copy) == []
+    content["frames"] += 1
+    write_sealed(copy / RECORD, content)
+    assert f"{TABLE}: it has not 13 frames." in texts(copy)
