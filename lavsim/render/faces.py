@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
 from lavsim.render.solids import Material
 
 NEAR = 0.1  # [m] nothing nearer along the optical axis is drawn
@@ -20,42 +20,73 @@ TILE = 4  # [px]
 
 _DECK = int(Material.DECK)
 _CORNERS = 8
+_STEPS, _STEPS_PER_ROOT = 256, 8.0  # of distance, by which solids are ordered; up to a kilometre
 
 
 @kernel
-def _nearest_first(solids, origin, axes, focal, width, height):  # type: ignore[no-untyped-def]
-    """Rows of the solids that may show, near ones first."""
+def balls_of(solids):  # type: ignore[no-untyped-def]
+    """(4, K) float64 x, y, z of the middle of each solid, and radius of the ball about it that holds the solid [m]."""
     centre, radius, z0, z1, tilt = solids.centre, solids.radius, solids.z0, solids.z1, solids.tilt
-    rows, distance = np.empty(len(radius), np.int32), np.empty(len(radius), np.float32)
+    balls = np.empty((4, len(radius)))
+    for k in range(len(radius)):
+        tall = (z1[k] - z0[k]) / 2.0 + radius[k] * np.sqrt(tilt[k, 0] * tilt[k, 0] + tilt[k, 1] * tilt[k, 1])
+        balls[0, k], balls[1, k], balls[2, k] = centre[k, 0], centre[k, 1], (z0[k] + z1[k]) / 2.0
+        balls[3, k] = np.sqrt(radius[k] * radius[k] + tall * tall)
+    return balls
+
+
+@lean_kernel
+def _measure(balls, origin, axes, focal, width, height, distance):  # type: ignore[no-untyped-def]
+    """Distance of each ball along the optical axis, infinite if it does not show; several balls at a time."""
     half_w, half_h = width / 2.0, height / 2.0
     slant_w, slant_h = np.sqrt(focal * focal + half_w * half_w), np.sqrt(focal * focal + half_h * half_h)
-    found = 0
-    for k in range(len(radius)):
-        cx, cy = centre[k, 0] - origin[0], centre[k, 1] - origin[1]
-        cz, tall = (z0[k] + z1[k]) / 2.0 - origin[2], (z1[k] - z0[k]) / 2.0
-        if tilt[k, 0] != 0.0 or tilt[k, 1] != 0.0:
-            tall += radius[k] * np.sqrt(tilt[k, 0] * tilt[k, 0] + tilt[k, 1] * tilt[k, 1])
-        reach = np.sqrt(radius[k] * radius[k] + tall * tall)
-        z = axes[0, 0] * cx + axes[1, 0] * cy + axes[2, 0] * cz
+    ahead_x, ahead_y, ahead_z = axes[0, 0], axes[1, 0], axes[2, 0]
+    right_x, right_y, right_z = axes[0, 1], axes[1, 1], axes[2, 1]
+    up_x, up_y, up_z = axes[0, 2], axes[1, 2], axes[2, 2]
+    eye_x, eye_y, eye_z = origin[0], origin[1], origin[2]
+    ball_x, ball_y, ball_z, ball_reach = balls[0], balls[1], balls[2], balls[3]
+    for k in range(len(ball_x)):
+        cx, cy, cz, reach = ball_x[k] - eye_x, ball_y[k] - eye_y, ball_z[k] - eye_z, ball_reach[k]
+        z = ahead_x * cx + ahead_y * cy + ahead_z * cz
+        x = right_x * cx + right_y * cy + right_z * cz
+        y = up_x * cx + up_y * cy + up_z * cz
         # A ball shows if no plane of the frustum, all of which pass the eye, parts it from the view.
-        if z + reach < NEAR or reach * focal < SMALLEST * z:
-            continue
-        x = axes[0, 1] * cx + axes[1, 1] * cy + axes[2, 1] * cz
-        y = axes[0, 2] * cx + axes[1, 2] * cy + axes[2, 2] * cz
-        if abs(x) * focal - z * half_w < reach * slant_w and abs(y) * focal - z * half_h < reach * slant_h:
-            rows[found], distance[found] = k, z - reach
+        large = (z + reach >= NEAR) & (reach * focal >= SMALLEST * z)
+        inside = abs(x) * focal - z * half_w < reach * slant_w
+        distance[k] = z - reach if large & inside & (abs(y) * focal - z * half_h < reach * slant_h) else np.inf
+
+
+@kernel
+def _nearest_first(balls, origin, axes, focal, width, height):  # type: ignore[no-untyped-def]
+    """Rows of the solids that may show, near ones first, by steps of distance that grow with it."""
+    count = balls.shape[1]
+    distance, rows, steps = np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32)
+    _measure(balls, origin, axes, focal, width, height, distance)
+    begins, found = np.zeros(_STEPS + 1, np.int32), 0
+    for k in range(count):
+        if distance[k] < np.inf:
+            step = min(int(np.sqrt(max(distance[k], 0.0)) * _STEPS_PER_ROOT), _STEPS - 1)
+            rows[found], steps[found] = k, step
+            begins[step + 1] += 1
             found += 1
-    return rows[:found][np.argsort(distance[:found], kind="mergesort")]
+    for step in range(_STEPS):
+        begins[step + 1] += begins[step]
+    order = np.empty(found, np.int32)
+    for n in range(found):
+        order[begins[steps[n]]] = rows[n]
+        begins[steps[n]] += 1
+    return order
 
 
 @kernel
 def draw_solids(  # type: ignore[no-untyped-def]
-    solids, offset, origin, axes, focal, depth, face, nearest_hidden, face_solid, face_side, found
+    solids, balls, offset, origin, axes, focal, depth, face, nearest_hidden, face_solid, face_side, found
 ):
     """Draws the faces that look at the eye where they are nearest, and lists those that show.
 
     Args:
         solids: `Solids`.
+        balls: Of them, from `balls_of`.
         offset: Added to their rows in the list.
         origin, axes, focal: The camera.
         depth, face: Buffers.
@@ -72,7 +103,7 @@ def draw_solids(  # type: ignore[no-untyped-def]
     clipped, outline = np.empty((_CORNERS + 2, 3)), np.empty((_CORNERS + 2, 2))
     order, plane = np.empty(_CORNERS, np.int64), np.empty(3)
     left, right = np.empty(height), np.empty(height)
-    for k in _nearest_first(solids, origin, axes, focal, width, height):
+    for k in _nearest_first(balls, origin, axes, focal, width, height):
         if found + _CORNERS + 2 > len(face_solid):
             face_solid = np.concatenate((face_solid, np.empty_like(face_solid)))
             face_side = np.concatenate((face_side, np.empty_like(face_side)))
@@ -125,9 +156,9 @@ def draw_solids(  # type: ignore[no-untyped-def]
     return found, face_solid, face_side
 
 
-@kernel
+@lean_kernel
 def _is_hidden(corners, screen, n, nearest, focal, width, height, nearest_hidden):  # type: ignore[no-untyped-def]
-    """Fills `screen` with the corners' pixels; whether the solid is out of the image or behind what is drawn."""
+    """Fills `screen` with the corners' pixels; whether the solid covers no pixel or lies behind what is drawn."""
     top, bottom, begin, end = np.inf, -np.inf, np.inf, -np.inf
     for cap in range(2):
         for e in range(_CORNERS * cap, _CORNERS * cap + n):
@@ -137,6 +168,8 @@ def _is_hidden(corners, screen, n, nearest, focal, width, height, nearest_hidden
             top, bottom, begin, end = min(top, y), max(bottom, y), min(begin, x), max(end, x)
     if end < 0.5 or begin > width - 0.5 or bottom < 0.5 or top > height - 0.5:
         return True
+    if np.ceil(top - 0.5) >= np.ceil(bottom - 0.5) or np.ceil(begin - 0.5) >= np.ceil(end - 0.5):
+        return True  # it lies between the pixels' centres
     closest = 1.0 / nearest
     first, last = int(max(top, 0.0)) // TILE, int(min(bottom, height - 1.0)) // TILE
     start, stop = int(max(begin, 0.0)) // TILE, int(min(end, width - 1.0)) // TILE
@@ -147,7 +180,7 @@ def _is_hidden(corners, screen, n, nearest, focal, width, height, nearest_hidden
     return True
 
 
-@kernel
+@lean_kernel
 def _clip_near(corners, order, size, focal, width, height, clipped, outline):  # type: ignore[no-untyped-def]
     """Pixels of the part of a face beyond the near plane; how many."""
     kept = 0
@@ -169,7 +202,7 @@ def _clip_near(corners, order, size, focal, width, height, clipped, outline):  #
     return kept
 
 
-@kernel
+@lean_kernel
 def _fill(  # type: ignore[no-untyped-def]
     outline, size, plane, focal, depth, face, number, nearest_hidden, left, right
 ):
@@ -212,7 +245,7 @@ def _fill(  # type: ignore[no-untyped-def]
     return drawn
 
 
-@kernel
+@lean_kernel
 def _raise_bounds(first, last, left, right, a, b, c, width, nearest_hidden):  # type: ignore[no-untyped-def]
     """Raises the bounds of the tiles that a face covers wholly to its least inverse depth there."""
     for tile in range(-(-first // TILE), last // TILE):
@@ -226,7 +259,7 @@ def _raise_bounds(first, last, left, right, a, b, c, width, nearest_hidden):  # 
             nearest_hidden[tile, column] = max(nearest_hidden[tile, column], least)
 
 
-@kernel
+@lean_kernel
 def _fill_row(depth, face, start, step, number):  # type: ignore[no-untyped-def]
     """Selects instead of branches: the loop is done several pixels at a time."""
     drawn, number = 0, np.int32(number)

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
 from lavsim.map.prisms import Prisms
+from lavsim.render.faces import balls_of
 from lavsim.render.frame import Mount
 from lavsim.render.ground import GroundRaster
 from lavsim.render.shapes import GAIT_UNIT, Look, Part, parts_of
 from lavsim.render.solids import Solids, joined, solids_of
 from lavsim.render.terrain import Terrain, level_terrain, terrain_of
-from lavsim.render.zbuffer import Buffers, Pinhole, Visibility, draw_visibility, new_buffers
+from lavsim.render.zbuffer import Balls, Buffers, Pinhole, Visibility, draw_visibility, new_buffers
 from lavsim.world.snapshot import ActorTable, Snapshot
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class Scene:
         self.terrain = level_terrain(ground) if isinstance(ground, GroundRaster) else ground
         made = (self.terrain.kerbs, self.terrain.decks)
         self.statics = joined([solids_of(prisms), *(solids for solids in made if solids is not None)])
+        self._static_balls = balls_of(self.statics)
         self._templates: tuple[ActorTable, _Templates] | None = None
         self._snapshot: Snapshot | None = None
         self._actors: Solids | None = None
@@ -108,6 +110,10 @@ class Scene:
             self._actors = self.place(snapshot)
         return self._actors
 
+    def balls(self, snapshot: Snapshot) -> Balls:
+        """Balls about the statics and about the actors present."""
+        return self._static_balls, self.once_a_tick(snapshot, "balls", lambda: balls_of(self.actors(snapshot)))
+
     def place(self, snapshot: Snapshot) -> Solids:
         """What `actors` gives, without keeping it; for moments between ticks."""
         templates = self._templates_of(snapshot.table)
@@ -123,7 +129,13 @@ class Scene:
             spare = self._spare.get((lens.height, lens.width))
             buffers = spare.pop() if spare else new_buffers(lens)
             self._views[key] = draw_visibility(
-                lens, mount.pose(snapshot), self.statics, self.actors(snapshot), buffers, self.terrain.heights
+                lens,
+                mount.pose(snapshot),
+                self.statics,
+                self.actors(snapshot),
+                buffers,
+                self.terrain.heights,
+                self.balls(snapshot),
             )
         return self._views[key]
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
 from lavsim.kernel_draws import draw_at, draw_base
 from lavsim.random import Draws
 from lavsim.render.faces import DECK_FACE
@@ -156,7 +156,7 @@ def _shade(  # type: ignore[no-untyped-def]
     return pixels
 
 
-@kernel
+@lean_kernel
 def place_block(inverse, first_row, width, height, focal, origin, axes, place):  # type: ignore[no-untyped-def]
     """World x, y, depth [m] and rise over depth of pixels row by row; far away for the sky."""
     one, least, half = np.float32(1.0), np.float32(1e-4), (0.5 - width / 2.0) / focal
@@ -179,7 +179,7 @@ def place_block(inverse, first_row, width, height, focal, origin, axes, place): 
             rise[i] = ray_z + step_z * np.float32(i)
 
 
-@kernel
+@lean_kernel
 def cell_block(count, place, ground, cells):  # type: ignore[no-untyped-def]
     """Half cells of the ground raster under pixels."""
     x, y, column_of, row_of = place[0], place[1], cells[0], cells[1]
@@ -190,7 +190,7 @@ def cell_block(count, place, ground, cells):  # type: ignore[no-untyped-def]
         row_of[i] = np.int32(np.floor((y[i] - corner_y) * scale))
 
 
-@kernel
+@lean_kernel
 def _grain_block(count, cells, depth, grain):  # type: ignore[no-untyped-def]
     """Grain of the ground, -1 to 1, weaker far away."""
     column_of, row_of = cells[0], cells[1]
@@ -199,7 +199,7 @@ def _grain_block(count, cells, depth, grain):  # type: ignore[no-untyped-def]
         grain[i] = cell_noise(column_of[i] >> _TEXEL, row_of[i] >> _TEXEL) * min(one, reach / depth[i])
 
 
-@kernel
+@lean_kernel
 def surface_of(classes, column, row):  # type: ignore[no-untyped-def]
     """`Surface` at a half cell; terrain outside the raster. As `surface_at`."""
     i, j = row >> 1, column >> 1
@@ -212,7 +212,7 @@ def surface_of(classes, column, row):  # type: ignore[no-untyped-def]
     return 1 if (cell >> (4 + quarter)) & 1 else cell & 15
 
 
-@kernel
+@lean_kernel
 def _colour_block(  # type: ignore[no-untyped-def]
     face, inverse, width, height, is_level, place, cells, grain, ground, look, faces, blink, paint
 ):
@@ -289,7 +289,7 @@ def _colour_block(  # type: ignore[no-untyped-def]
         red_of[i], green_of[i], blue_of[i], glow_of[i] = red, green, blue, glow
 
 
-@kernel
+@lean_kernel
 def _repeat(  # type: ignore[no-untyped-def]
     face, inverse, begin, limit, red, green, blue, glow, red_of, green_of, blue_of, glow_of
 ):
@@ -310,13 +310,13 @@ def _repeat(  # type: ignore[no-untyped-def]
     return begin + count
 
 
-@kernel
+@lean_kernel
 def _fill(values, value, count):  # type: ignore[no-untyped-def]
     for i in range(count):
         values[i] = value
 
 
-@kernel
+@lean_kernel
 def _light_block(count, headlights, place, paint):  # type: ignore[no-untyped-def]
     """Brightens what the ego's headlights reach and does not shine by itself."""
     cos_ego, sin_ego, strength = np.cos(headlights[2]), np.sin(headlights[2]), np.float32(headlights[3])
@@ -327,7 +327,7 @@ def _light_block(count, headlights, place, paint):  # type: ignore[no-untyped-de
                 paint[c, column] *= np.float32(1.0) + strength * reach
 
 
-@kernel
+@lean_kernel
 def headlight(dx, dy, cos_ego, sin_ego):  # type: ignore[no-untyped-def]
     """Brightening of a place by a vehicle's headlights: a cone that falls off with distance."""
     ahead = dx * cos_ego + dy * sin_ego - 2.0
@@ -339,7 +339,7 @@ def headlight(dx, dy, cos_ego, sin_ego):  # type: ignore[no-untyped-def]
     return np.float32((1.0 - aside * aside) * min(ahead, 4.0) / 4.0 / (1.0 + ahead * ahead / 400.0))
 
 
-@kernel
+@lean_kernel
 def air_block(depth, paint, look, noise, noise_table, word, pixels):  # type: ignore[no-untyped-def]
     """Fades colours into the haze, adds noise, and packs it as little-endian BGRA words."""
     width = len(pixels)

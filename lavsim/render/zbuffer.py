@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.kernel import kernel
-from lavsim.render.faces import TILE, draw_solids
+from lavsim.render.faces import TILE, balls_of, draw_solids
 from lavsim.render.frame import Pose
 from lavsim.render.heights import LEVEL_GROUND, Heights, level_within, meet_ground
 from lavsim.render.solids import Solids
@@ -52,6 +52,7 @@ class Visibility(NamedTuple):
     faces: Faces
 
 
+Balls = tuple[NDArray[np.float64], NDArray[np.float64]]
 Buffers = tuple[NDArray[np.int32], NDArray[np.float32]]  # of `Visibility.face` and `.inverse_depth`
 
 
@@ -68,15 +69,20 @@ def draw_visibility(
     actors: Solids,
     buffers: Buffers | None = None,
     heights: Heights = LEVEL_GROUND,
+    balls: Balls | None = None,
 ) -> Visibility:
-    """What a camera at `pose` sees, drawn into `buffers`."""
+    """What a camera at `pose` sees, drawn into `buffers`; `balls` are `balls_of` the statics and the actors."""
     face, depth = new_buffers(lens) if buffers is None else buffers
-    solid, side = _draw(face, depth, lens.focal, pose.origin, pose.axes, statics, actors, heights)
+    if balls is None:
+        balls = balls_of(statics), balls_of(actors)
+    solid, side = _draw(face, depth, lens.focal, pose.origin, pose.axes, statics, actors, *balls, heights)
     return Visibility(face, depth, Faces(solid, side))
 
 
 @kernel
-def _draw(face, depth, focal, origin, axes, statics, actors, heights):  # type: ignore[no-untyped-def]
+def _draw(  # type: ignore[no-untyped-def]
+    face, depth, focal, origin, axes, statics, actors, static_balls, actor_balls, heights
+):
     face.fill(NO_FACE)
     level = level_within(heights, origin[0], origin[1], FARTHEST)
     if np.isnan(level):
@@ -85,9 +91,9 @@ def _draw(face, depth, focal, origin, axes, statics, actors, heights):  # type: 
         _draw_plane(depth, focal, origin, axes, level)
     hidden = np.zeros((-(-depth.shape[0] // TILE), -(-depth.shape[1] // TILE)))
     solid, side = np.empty(1024, np.int32), np.empty(1024, np.int32)
-    found, solid, side = draw_solids(statics, 0, origin, axes, focal, depth, face, hidden, solid, side, 0)
+    found, solid, side = draw_solids(statics, static_balls, 0, origin, axes, focal, depth, face, hidden, solid, side, 0)
     found, solid, side = draw_solids(
-        actors, len(statics.corners), origin, axes, focal, depth, face, hidden, solid, side, found
+        actors, actor_balls, len(statics.corners), origin, axes, focal, depth, face, hidden, solid, side, found
     )
     return solid[:found].copy(), side[:found].copy()
 
