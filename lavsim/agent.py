@@ -54,6 +54,7 @@ __all__ = [
 PLAN_SPACING = {"1.0": 50.0, "2.x": 200.0}  # [m] between kept plan points, by generation of the leaderboard
 
 Readings = Mapping[str, tuple[int, Any]]
+_IMMUTABLE = (bool, int, float, str, bytes, type(None))
 
 
 class AgentStatus(IntEnum):
@@ -471,7 +472,11 @@ class InProcessAgent:
 
 
 def _copied(data: Any) -> Any:
-    return data.copy() if isinstance(data, np.ndarray) else copy.deepcopy(data)
+    if isinstance(data, np.ndarray):
+        return data.copy()
+    if type(data) is dict:  # `deepcopy` of a dictionary of arrays takes five times as long
+        return {key: _copied(value) for key, value in data.items()}
+    return data if isinstance(data, _IMMUTABLE) else copy.deepcopy(data)
 
 
 def _construct(agent_class: type[Any], spec: AgentSpec) -> tuple[Any, bool]:
