@@ -14,7 +14,7 @@ from typing import Any
 
 import typer
 
-from lavsim.commands import bench, collect, lists, routes, scenarios, score, show  # noqa: F401 - each registers its commands
+from lavsim.commands import bench, collect, dataset, lists, routes, scenarios, score, show  # noqa: F401 - each registers its commands
 from lavsim.commands.base import app
 from lavsim.errors import LavsimError
 

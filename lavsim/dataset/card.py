@@ -16,6 +16,7 @@ from lavsim.dataset.codecs import find_codec
 from lavsim.dataset.files import read_sealed, write_file
 from lavsim.dataset.folder import CARD, PLAN
 from lavsim.dataset.info import Summary, summarise
+from lavsim.dataset.noise import ControlNoise
 from lavsim.dataset.plan import PLAN_SCHEMA, CollectPlan
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.schema import FILES, SCHEMA_VERSION, TICKS_PER_FRAME, FieldSpec
@@ -24,6 +25,14 @@ from lavsim.types import DT
 
 LICENCE = "mit"  # that of the simulator, which owes nothing to others' assets
 _PLAN_KEY = "plan_schema"
+_ALWAYS = ("towns", "frames", "seed")
+_RANGES = ("vehicles", "walkers", "length")
+_OPTIONS = {
+    "towns": "--towns", "frames": "--frames", "seed": "--seed", "weathers": "--weathers", "traffic": "--traffic",
+    "vehicles": "--vehicles", "walkers": "--walkers", "hazards": "--hazards", "hazards_per_km": "--hazards-per-km",
+    "length": "--length", "suite": "--sensors", "look": "--look", "agent": "--agent", "agent_config": "--agent-config",
+    "log_only": "--log-only",
+}  # fmt: skip
 _SIZES = (
     (1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"),
     (10_000_000, "1M<n<10M"),
@@ -119,23 +128,30 @@ def _making(summary: Summary) -> str:
 
 def _command(plan: Mapping[str, Any]) -> str:
     """The command that makes the dataset again; what is at its default is left out."""
-    default = {name: field.default for name, field in CollectPlan.model_fields.items()}
-    words = ["lavsim", "collect"]
+    default = CollectPlan(towns=("any",), frames=1).to_json()
+    words = ["lavsim", "collect", "--out", "DATA"]
     for name, value in plan.items():
-        if name == "schema" or value == _plain(default.get(name)):
-            continue
-        option = "--" + name.replace("_", "-")
-        if isinstance(value, bool):
-            words.append(option)
-        elif isinstance(value, dict):
-            words += [word for key, one in value.items() for word in ("--set", f"{name}.{key}={json.dumps(one)}")]
-        else:
-            words += [option, ",".join(map(str, value)) if isinstance(value, list) else str(value)]
+        if name != "schema" and (name in _ALWAYS or value != default.get(name)):
+            words += _option(name, value)
     return " ".join(shlex.quote(word) for word in words)
 
 
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
+def _option(name: str, value: Any) -> list[str]:
+    """A field of the plan as an option of `lavsim collect`, or as `--set` where it has none."""
+    option = _OPTIONS.get(name)
+    if name == "noise":
+        plain = ControlNoise().model_dump()
+        changed = [f"noise.{key}={json.dumps(one)}" for key, one in value.items() if one != plain.get(key)]
+        return ["--noise", *(word for text in changed for word in ("--set", text))]
+    if option is None:
+        return ["--set", f"{name}={json.dumps(value)}"]
+    if isinstance(value, bool):
+        return [option]
+    if name in _RANGES:
+        return [option, "-".join(f"{one:g}" for one in value)]
+    if isinstance(value, list):
+        return [option, ",".join(map(str, value)) or "none"]
+    return [option, f"{value:g}" if isinstance(value, float) else str(value)]
 
 
 def _numbers(summary: Summary) -> str:

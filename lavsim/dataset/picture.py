@@ -6,9 +6,10 @@ and mounts all mean what the dataset says they mean.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -23,7 +24,7 @@ from lavsim.errors import DatasetError
 from lavsim.geometry import box_corners, to_local
 from lavsim.random import Draws
 from lavsim.render.camera_view import CameraView
-from lavsim.render.canvas import Canvas, height_colours, write_text
+from lavsim.render.canvas import Canvas, height_colours, write_png, write_text
 from lavsim.render.frame import Pose, rotation
 from lavsim.render.palette import EGO_BGR, INK_BGR, PAPER_BGR, ROUTE_BGR, Bgr
 from lavsim.sensors.base import Sensor, make_sensor
@@ -117,10 +118,44 @@ class FramePainter:
         return _arranged(pictures, _caption(row, f"{town} {episode}/{frame}"), scale)
 
 
-def draw_sheet(dataset: Dataset, frames: Sequence[tuple[int, int]], columns: int = 4) -> Image:
+def show_frames(
+    data: Path,
+    picture: Path,
+    count: int = 24,
+    seed: int = 0,
+    place: tuple[int, int] | None = None,
+    town_path: Sequence[Path] = (),
+    watch: Callable[[float], None] | None = None,
+) -> None:
+    """Writes a picture of frames of a dataset: a sheet of `count` drawn by `seed`, or the one at `place`, larger.
+
+    Raises:
+        DatasetError: it has no such frame, nothing to draw, or is damaged.
+    """
+    dataset = Dataset(data, town_path)
+    if place is None:
+        image = draw_sheet(dataset, random_frames(dataset, count, seed), watch=watch)
+    else:
+        try:
+            image = FramePainter(dataset).draw(*place, scale=2)
+        except IndexError as error:
+            raise DatasetError(f"{data}: no frame {place[1]}: {error}.") from None
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    write_png(image, picture)
+
+
+def draw_sheet(
+    dataset: Dataset,
+    frames: Sequence[tuple[int, int]],
+    columns: int = 4,
+    watch: Callable[[float], None] | None = None,
+) -> Image:
     """(H, W, 3) blue, green, red: many frames (episode, frame) in a grid."""
-    painter = FramePainter(dataset)
-    cells = [painter.draw(episode, frame) for episode, frame in frames]
+    painter, cells = FramePainter(dataset), []
+    for number, (episode, frame) in enumerate(frames):
+        cells.append(painter.draw(episode, frame))
+        if watch is not None:
+            watch((number + 1) / len(frames))
     columns = min(columns, len(cells))
     high, wide = max(cell.shape[0] for cell in cells), max(cell.shape[1] for cell in cells)
     rows = -(-len(cells) // columns)
