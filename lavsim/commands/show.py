@@ -15,7 +15,8 @@ from lavsim.errors import OutputError, UnknownName
 @app.command()
 def show(
     what: Annotated[
-        str, typer.Argument(help="A town, a route file (or bundled name), the folder of a run, or a *.lavlog.")
+        str,
+        typer.Argument(help="A town, a route file (or bundled name), the folder of a run or dataset, or a *.lavlog."),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder for the pictures; runs/show by default.")] = None,
     route_ids: Annotated[str | None, typer.Option(help="Some routes of a file: '0,3-5'.")] = None,
@@ -33,7 +34,7 @@ def show(
     ] = None,
     town_path: TownPath = None,
 ) -> None:
-    """Draw a town, routes, the drives of a run, or look at a recorded drive; prints the paths of the files."""
+    """Draw a town, routes, the drives of a run, frames of a dataset, or a recorded drive; prints the files' paths."""
     search, folder = towns_at(town_path), out or Path("runs/show")
     kind = _kind_of(what, search)
     if kind == "log":
@@ -65,6 +66,12 @@ def show(
         from leaderboard.picture import draw_routes
 
         pictures = draw_routes(what, folder, route_ids, search)
+    elif kind == "dataset":
+        from lavsim.dataset.picture import show_frames
+
+        pictures = [folder / f"{Path(what).resolve().name}.png"]
+        with Shares() as shares:
+            show_frames(Path(what), pictures[0], town_path=search, watch=lambda share: shares.update("drawing", share))
     else:
         from leaderboard.run import Run
 
@@ -80,6 +87,8 @@ def _kind_of(what: str, search: tuple[Path, ...]) -> str:
     from lavsim.map.town_map import town_names
     from leaderboard.routes import route_files
 
+    if (Path(what) / "meta" / "info.json").is_file():
+        return "dataset"
     if Path(what).is_dir():
         return "run"
     if what.endswith(".lavlog"):

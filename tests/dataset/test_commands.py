@@ -67,6 +67,12 @@ def test_show_writes_a_picture(capsys: pytest.CaptureFixture[str], data: str, tm
     assert picture.read_bytes() != sheet
 
 
+def test_show_takes_a_dataset_too(capsys: pytest.CaptureFixture[str], data: str, tmp_path: Path) -> None:
+    assert main(["show", data, "--out", str(tmp_path / "pictures")]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "pictures" / "data.png")
+    assert (tmp_path / "pictures" / "data.png").is_file()
+
+
 def test_check_exits_2_with_findings(capsys: pytest.CaptureFixture[str], data: str) -> None:
     (Path(data) / "blobs" / "ep_000001.tar").unlink()
     assert main(["dataset", "check", data, "--json"]) == 2
