@@ -139,7 +139,7 @@ class Expert:
             worst = int(np.argmin(met.acceleration))
             held_by = f"actor {int(truth['ids'][forecast.row[worst]])}"
             bounds.append((held_by, float(met.acceleration[worst]), math.isfinite(met.stop[worst])))
-        self.detour.update(ego, truth, memory, _first_touched(met.first, forecast.row), patience)
+        self.detour.update(ego, truth, memory, _first_touched(met.first, forecast.row), met.is_faced, patience)
         bounds.append((f"actor {self.detour.waits_for}", self._gap_to_wait(ego), True))
         bounds.append(("light", self._lights(ego, truth["lights"]), True))
         bounds.append(("stop sign", self._stop_sign(ego), True))

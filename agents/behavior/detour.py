@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.behavior.aside import emergency, keep_right, kept_right, made_way, make_way
 from agents.behavior.beside import Neighbours, ground, neighbours
 from agents.behavior.forecast import FLAT
 from agents.behavior.gaps import is_free
@@ -22,6 +24,7 @@ from lavsim.types import ActorClass, Role, VehicleLight
 
 Floats = NDArray[np.float64]
 
+MAKES_WAY, KEEPS_RIGHT = "makes way", "keeps right"  # what a shift is for that passes nothing
 EVERY = 4  # ticks between looks
 REACH = 65.0  # [m] at which an obstacle is gone round
 BACKING_ROOM = 8.0  # [m] kept free behind it when it drives back
@@ -79,7 +82,9 @@ class Detour:
         self._kind = ""
         self._tick = 0
 
-    def update(self, ego: Ego, truth: Mapping[str, Any], memory: Floats, touched: int, patience: float) -> None:
+    def update(
+        self, ego: Ego, truth: Mapping[str, Any], memory: Floats, touched: int, is_faced: bool, patience: float
+    ) -> None:
         """Looks at the road every few ticks.
 
         Args:
@@ -87,30 +92,54 @@ class Detour:
             truth: The reading.
             memory: (N, 5) what is remembered of its actors.
             touched: Row of the actor that stands or drives in its way first; -1 if nobody does.
+            is_faced: Whether somebody comes towards it on its way.
             patience: 1 at first; falls to 0 while the ego stands for others.
         """
         if self.shift is not None and ego.s > self.shift.end:
-            self.shift = None
-            self._way.clear()
+            self._end()
         self._tick += 1
         if self._tick % EVERY or self._town is None:
             return
         self.waits, self.backs = math.inf, False
-        rows = np.array([touched] if touched >= 0 else [], dtype=np.int64)
-        sure, long = _obstacles(truth, memory, rows)
-        if self.shift is None and not np.any(sure | long):
+        sure, long = _obstacles(truth, memory, np.array([touched] if touched >= 0 else [], dtype=np.int64))
+        hurries = emergency(truth, memory)
+        if self.shift is None and not (np.any(sure | long) or is_faced or hurries >= 0):
             return
         near = neighbours(self._way.base, ego.s, truth)
-        is_blocked = bool(np.any(sure)) or (bool(np.any(long)) and self._is_alone(touched, near))
-        blocks = np.logical_or(*_obstacles(truth, memory, near.row))
-        if self.shift is not None:
-            if not self._gives_up(ego, near):
-                self._prolong(ego, near, blocks, truth)
-                return
-            self.shift = None
-            self._way.clear()
-        if is_blocked:
+        if self.shift is not None and self._goes_on(ego, near, truth, memory, hurries):
+            return
+        if np.any(sure) or (np.any(long) and self._is_alone(touched, near)):
+            blocks = np.logical_or(*_obstacles(truth, memory, near.row))
             self._begin(ego, near, blocks, truth, touched, patience)
+        if self.shift is None and hurries >= 0:
+            made = make_way(ego, near, hurries, partial(self._leads, ego), self._way.limit_at(ego.s))
+            self._take(ego, made, MAKES_WAY)
+        if self.shift is None and is_faced:
+            self._take(ego, keep_right(ego, near, partial(self._leads, ego)), KEEPS_RIGHT)
+
+    def _goes_on(self, ego: Ego, near: Neighbours, truth: Mapping[str, Any], memory: Floats, hurries: int) -> bool:
+        """Whether it stays aside; the shift is fitted to what is there now."""
+        shift = self.shift
+        assert shift is not None
+        if self._kind == MAKES_WAY:
+            self._take(ego, made_way(ego, near, hurries, shift, partial(self._leads, ego)), self._kind)
+        elif self._kind == KEEPS_RIGHT:
+            self._take(ego, kept_right(ego, near, shift, partial(self._leads, ego)), self._kind)
+            return False
+        elif self._gives_up(ego, near):
+            self._end()
+        else:
+            self._prolong(ego, near, np.logical_or(*_obstacles(truth, memory, near.row)), truth)
+        return self.shift is not None
+
+    def _take(self, ego: Ego, shift: Shift | None, kind: str) -> None:
+        if shift is not None and shift != self.shift:
+            self.shift, self._kind = shift, kind
+            self._way.take(shift, ego.s)
+
+    def _end(self) -> None:
+        self.shift = None
+        self._way.clear()
 
     def _gives_up(self, ego: Ego, near: Neighbours) -> bool:
         """Whether somebody comes after all, and it is still on its lane with room to wait there."""
@@ -159,8 +188,7 @@ class Detour:
             return
         for _size, shift, kind in sorted(options, key=lambda option: option[0]):
             if self._is_free(ego, shift, kind, near, patience):
-                self.shift, self._kind = shift, kind
-                self._way.take(shift, ego.s)
+                self._take(ego, shift, kind)
                 return
         if obstacle.speed < 0.3:
             self.waits, self.waits_for = obstacle.rear - STANDOFF, int(truth["ids"][row])
@@ -191,8 +219,7 @@ class Detour:
         if leave > shift.leave + 0.5 or abs(offset) > abs(shift.offset) + 0.1:
             fall = max(shift.end - shift.leave, _ramp(offset, RAMP_LEAST))
             leave = max(leave, shift.leave)
-            self.shift = replace(shift, leave=leave, end=leave + fall, offset=offset)
-            self._way.take(self.shift, ego.s)
+            self._take(ego, replace(shift, leave=leave, end=leave + fall, offset=offset), self._kind)
 
     def _plan(self, ego: Ego, obstacle: Obstacle, offset: float) -> Shift | None:
         """The shift that passes `obstacle` on the side of `offset`; None where there is no room to steer."""

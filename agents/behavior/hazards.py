@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 
 RANGE = 75.0  # [m] of path that is looked at
 VEHICLE_MARGIN = 0.3  # [m] on either side of the ego
+FACING, FACING_MARGIN = -0.7, 0.15  # who comes against the ego is passed closer
 PROP_MARGIN = 0.1
 WALKER_MARGIN = 0.6
 BEFORE, AFTER = 1.0, 0.5  # [s] between the ego and who crosses: when the ego goes first, when it goes second
@@ -54,12 +55,14 @@ class Meetings(NamedTuple):
         stop: (H,) place at which the ego would come to rest because of it [m along the path]; inf when it keeps moving.
         first: (H,) place at which the ego would touch it where it is now [m along the path]; inf if nowhere.
         kerb: Speed that respects walkers who stand beside the path and look across it [m/s]; inf without any.
+        is_faced: Whether somebody comes towards the ego on its way.
     """
 
     acceleration: Floats
     stop: Floats
     first: Floats
     kerb: float
+    is_faced: bool
 
 
 def meetings(path: ReferencePath, ego: Ego, forecast: Forecast, manner: Manner, patience: float) -> Meetings:
@@ -76,7 +79,7 @@ def meetings(path: ReferencePath, ego: Ego, forecast: Forecast, manner: Manner, 
     count = len(forecast.row)
     if len(xy) < 2 or not count:
         none = np.full(count, math.inf)
-        return Meetings(none, none, none, math.inf)
+        return Meetings(none, none, none, math.inf, False)
     return Meetings(
         *_meet(begin, xy, heading, path.yaw[begin:], ego, forecast.poses, forecast.half, forecast.speed, forecast.kind,
                manner.pace, patience)
@@ -107,7 +110,7 @@ def _meet(
     kind: NDArray[np.uint8],
     pace: Pace,
     patience: float,
-) -> tuple[Floats, Floats, Floats, float]:
+) -> tuple[Floats, Floats, Floats, float, bool]:
     count = len(poses)
     margin = np.empty(count)
     for h in range(count):
@@ -115,11 +118,13 @@ def _meet(
             margin[h] = WALKER_MARGIN
         elif kind[h] == _PROP or speed[h] < 0.2:
             margin[h] = PROP_MARGIN
+        elif math.cos(poses[h, 0, 2] - ego.yaw) < FACING:
+            margin[h] = FACING_MARGIN
         else:
             margin[h] = VEHICLE_MARGIN
     first, last = sweep(xy, heading, ego.half_length, ego.half_width, poses, half, margin)
     accelerations, stops, touches = np.full(count, math.inf), np.full(count, math.inf), np.full(count, math.inf)
-    kerb = math.inf
+    kerb, is_faced = math.inf, False
     base = begin * STEP
     for h in range(count):
         if kind[h] == _WALKER and speed[h] < 0.3:
@@ -133,13 +138,14 @@ def _meet(
             continue
         if when == 0 and first[h, 0] * STEP < 0.6 and speed[h] < 0.3 and _ahead_of(ego, poses[h, 0]) < 0.0:
             continue  # stands against the ego's side: going on leaves it behind
+        is_faced = is_faced or (speed[h] > 1.0 and math.cos(poses[h, when, 2] - ego.yaw) < FACING)
         if when == 0:
             touches[h] = base + STEP * first[h, 0]
         direction = course[min(int(first[h, when]), len(course) - 1)]
         accelerations[h], stops[h] = _judge(
             base, direction, ego, poses[h], speed[h], kind[h] == _WALKER, when, first[h], last[h], pace, patience
         )
-    return accelerations, stops, touches, kerb
+    return accelerations, stops, touches, kerb, is_faced
 
 
 @kernel

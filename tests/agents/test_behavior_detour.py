@@ -139,3 +139,45 @@ def test_shifted_path_is_smooth_and_as_far_aside_as_asked() -> None:
     assert np.abs(path.curvature).max() < 1.1 * math.pi**2 / 2.0 * 3.0 / 20.0**2
     assert np.abs(np.diff(path.yaw)).max() < 0.03
     assert (path.xy[-20:] == base.xy[-20:]).all()
+
+
+BLUE = int(VehicleLight.SPECIAL1)
+
+
+def two_lane_y(town: TownMap, side: int) -> float:
+    """y of the left (0) or right (1) lane of `two_lanes`."""
+    lanes = town.lanes.where(2)
+    return float(sorted(town.centre(np.array([lane]), np.array([50.0]))[0, 1] for lane in lanes)[side])
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_way_is_made_for_blue_lights_from_behind(side: int) -> None:
+    town = worlds.two_lanes(600.0)
+    y = two_lane_y(town, side)
+    ambulance = parked(-60.0, y, Role.SCENARIO, BLUE, speed=16.0)
+    road = Street(expert_on(town, y, 590.0), [ambulance], speed=8.0, y=y).drive(25.0)
+    assert road.closest > 0.3
+    assert ambulance.at(road.time)[0] > road.x + 30.0
+    assert road.y == pytest.approx(y, abs=0.2), "back on its lane"
+
+
+def test_no_way_is_made_for_a_car_without_them() -> None:
+    town = worlds.two_lanes(600.0)
+    y = two_lane_y(town, 1)
+    faster = parked(-40.0, y, Role.SCENARIO, 0, speed=9.0)
+    road = Street(expert_on(town, y, 590.0), [faster], speed=8.0, y=y).drive(8.0)
+    assert max(abs(offset) for offset in road.offsets) < 0.1
+
+
+def test_room_is_left_to_who_comes_over_the_line() -> None:
+    invaders = [Other(100.0 + 40.0 * k, -0.25 + 0.5, math.pi, 8.0, size=(4.5, 1.9, 1.5)) for k in range(4)]
+    road = street(invaders).drive(20.0)
+    assert road.closest > 0.1
+    assert road.x > 120.0
+    assert road.y == pytest.approx(LANE, abs=0.1)
+
+
+def test_nobody_over_the_line_leaves_it_in_the_middle() -> None:
+    road = street([Other(100.0 + 40.0 * k, -LANE, math.pi, 8.0) for k in range(4)]).drive(20.0)
+    assert max(abs(road.offsets[0] - offset) for offset in road.offsets) < 0.05
+    assert min(road.speeds) > 6.0
