@@ -27,7 +27,7 @@ from lavsim.traffic.lane_change import consider_change
 from lavsim.traffic.near import Near, leader_in_lane, survey
 from lavsim.traffic.network import Lanes, lane_height
 from lavsim.traffic.obstacles import Boxes, Grid
-from lavsim.traffic.passing import STAND_OFF, consider_passing
+from lavsim.traffic.passing import STAND_OFF, consider_passing, stands_in_queue
 from lavsim.traffic.sorting import Sorting, sort_boxes
 from lavsim.traffic.steering import lamps, steer
 from lavsim.types import DT
@@ -173,7 +173,9 @@ def _keep_off(
     if who < 0:
         return False
     _brake_for(fleet, i, idm_acceleration(speed, allowed, gap, speed - pace, fleet.driver[i]), who)
-    stands = scene.motion[who] == RESTING or has_stood(scene.guests, who)
+    stands = scene.motion[who] == RESTING or (
+        has_stood(scene.guests, who) and not stands_in_queue(scene.lanes, scene.guests, scene.boxes, scene.near, who)
+    )
     if not stands or scene.lanes.junction[fleet.lane[i]] >= 0:
         return False
     if fleet.plan[i, LEAD_IN] <= 0.0:

@@ -12,12 +12,14 @@ from lavsim.kernel import lean_kernel as kernel
 from lavsim.portable_math import cos_sin
 from lavsim.traffic.fleet import FROM, HOLD, LEAD_IN, LEAD_OUT, TO, Fleet, reset_plan
 from lavsim.traffic.following import SAMPLE
+from lavsim.traffic.guests import Guests
 from lavsim.traffic.near import Near
 from lavsim.traffic.network import Lanes, lane_point, point_row, project
 from lavsim.traffic.obstacles import Boxes, Grid, obstacle_at
 
 STAND_OFF = 6.0  # [m] kept before what stands, so that there is room to swing out
 _CLOSE = 25.0  # [m] from which a driver thinks of passing
+_TOO_CLOSE = 4.5  # [m] nearer it could not swing out without touching
 _LONGEST = 60.0  # [m] of obstacles in a row that are passed at once
 _BESIDE = 0.6  # [m] kept free beside them
 _SWING = 9.0  # [m] in which a driver swings out and back at least
@@ -28,6 +30,8 @@ _BEFORE_END = 10.0  # [m] of the lane's end at which it must be over
 _OVER_THE_EDGE = 0.1  # [m] that a vehicle may reach over the edge of its lane without asking for the other one
 _FARTHER = 0.3  # [m] to the left of the oncoming lane's centre
 _SEEN = 150.0  # [m] of the oncoming lane
+_QUEUE_GAP = 15.0  # [m] to who stands ahead, or to a junction: a guest that stands there is waiting, not broken down
+_AT_REST = 0.5  # [m/s]
 
 
 @kernel
@@ -37,7 +41,7 @@ def consider_passing(
     """Lets vehicle `i` swing out around what stands `gap` ahead, if that is allowed and free."""
     lane = fleet.lane[i]
     opposite = lanes.opposite[lane]
-    if gap > _CLOSE or fleet.plan[i, LEAD_IN] > 0.0:
+    if not _TOO_CLOSE < gap < _CLOSE or fleet.plan[i, LEAD_IN] > 0.0:
         return
     row = fleet.row[i]
     half, speed = boxes.half[row, 0], max(boxes.forward[row], 0.0)
@@ -59,6 +63,36 @@ def consider_passing(
     fleet.plan[i, LEAD_IN] = min(swing, max(gap + half, 0.5 * _SWING))
     fleet.plan[i, HOLD], fleet.plan[i, LEAD_OUT] = max(length, fleet.plan[i, LEAD_IN]), swing
     fleet.changed[i] = tick
+
+
+@kernel
+def stands_in_queue(lanes: Lanes, guests: Guests, boxes: Boxes, near: Near, row: int) -> bool:
+    """Whether the guest in `row` waits before a junction or behind a background vehicle that stands."""
+    for g in range(guests.number[0]):
+        if guests.row[g] != row or guests.lane[g] < 0:
+            continue
+        lane, front = guests.lane[g], guests.u[g] + boxes.half[row, 0]
+        left = lanes.length[lane] - front
+        entry = near.head[lane]
+        while entry >= 0:
+            if near.u[entry] > front and _holds_up(boxes, near, entry, near.u[entry] - front):
+                return True
+            entry = near.after[entry]
+        for s in range(lanes.succ_first[lane], lanes.succ_first[lane + 1]):
+            beyond = lanes.succ[s]
+            if lanes.junction[beyond] >= 0 and left < _QUEUE_GAP:
+                return True
+            entry = near.head[beyond]
+            if entry >= 0 and _holds_up(boxes, near, entry, left + near.u[entry]):
+                return True
+    return False
+
+
+@kernel
+def _holds_up(boxes: Boxes, near: Near, entry: int, distance: float) -> bool:
+    row = near.row[entry]
+    stands = boxes.is_fleet[row] and abs(boxes.forward[row]) < _AT_REST
+    return bool(stands and distance - boxes.half[row, 0] < _QUEUE_GAP)
 
 
 @kernel

@@ -1,8 +1,9 @@
 """Passing on a road of one lane a side with a broken centre line."""
 
 import numpy as np
+import pytest
 
-from lavsim.types import Role
+from lavsim.types import LightState, Role
 from tests import worlds
 from tests.traffic.stage import Stage
 
@@ -59,3 +60,47 @@ def test_a_car_that_reaches_only_a_little_into_the_lane_is_passed_inside_it() ->
     stage.run(30.0)
     assert x_of(stage) > 120.0
     assert stage.contacts == 0
+
+
+def behind_a_guest(gap: float, first: bool) -> tuple[Stage, float, float]:
+    """A driver that comes up behind a guest which has stood for half a minute, before a red light.
+
+    Args:
+        gap: From the light's lane end to the guest's centre [m].
+        first: Whether a background car waits at the light, ahead of the guest.
+
+    Returns:
+        The stage, how far the driver swung out and how far ahead of the guest it came [m].
+    """
+    town = worlds.crossing(arm=520.0)
+    stage = Stage(town, [])
+    lane = stage.lane_from(-250.0, 1.75)
+    end = float(town.lanes.length[lane])
+    cars = [(lane, 20.0)] + ([(lane, end - gap + 14.0)] if first else [])
+    stage = Stage(town, cars)
+    # As in CARLA's towns, whose centre lines are broken up to the junction; ours are not.
+    opposite = next(k for k in range(len(town.lanes)) if town.lanes.road_id[k] == town.lanes.road_id[lane]
+                    and town.lanes.lane_id[k] == -town.lanes.lane_id[lane])  # fmt: skip
+    stage.traffic._lanes.opposite[[lane, opposite]] = opposite, lane
+    stage.lights[:] = LightState.RED
+    guest = stage.put(lane, end - gap)
+    swing, ahead = 0.0, -np.inf
+    for _ in range(20 * 90):
+        stage.tick()
+        x, y = stage.world.pose[stage.fleet.row[0], :2]
+        swing, ahead = max(swing, abs(float(y - guest.xy[1]))), max(ahead, float(x - guest.xy[0]))
+    return stage, swing, ahead
+
+
+def test_a_guest_that_has_broken_down_is_passed() -> None:
+    stage, swing, ahead = behind_a_guest(120.0, first=False)
+    assert swing > 1.5
+    assert ahead > 20.0
+    assert stage.contacts == 0
+
+
+@pytest.mark.parametrize(("gap", "first"), [(8.0, False), (23.0, True)])
+def test_a_guest_that_waits_at_a_red_light_is_not_passed(gap: float, first: bool) -> None:
+    _stage, swing, ahead = behind_a_guest(gap, first)
+    assert swing < 0.3
+    assert ahead < -5.0
