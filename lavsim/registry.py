@@ -21,11 +21,13 @@ class Registry(Generic[T]):
     Args:
         kind: What an entry is, for messages ("sensor", "criterion").
         package: Dotted name of the package whose modules register themselves, or None.
+        also: Called after that, for what comes from elsewhere.
     """
 
-    def __init__(self, kind: str, package: str | None = None) -> None:
+    def __init__(self, kind: str, package: str | None = None, also: Callable[[], None] | None = None) -> None:
         self.kind = kind
         self._package = package
+        self._also = also
         self._entries: dict[Hashable, T] = {}
 
     def register(self, *keys: Hashable) -> Callable[[T], T]:
@@ -70,6 +72,8 @@ class Registry(Generic[T]):
         package, self._package = importlib.import_module(self._package), None
         for module in pkgutil.iter_modules(package.__path__):
             importlib.import_module(f"{package.__name__}.{module.name}")
+        if self._also is not None:
+            self._also()
 
 
 def _text(key: Hashable) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lavsim.errors import ConfigError, UnknownName
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap
@@ -14,6 +15,7 @@ from lavsim.random import Draws
 from lavsim.scenarios.base import SCENARIOS, ScenarioSpec
 from lavsim.scenarios.suggest import suggestion
 from leaderboard.route_maker import RouteWish, driven_way, random_ways
+from leaderboard.routes import RouteEntry
 
 AFTER_START = (25.0, 90.0)  # [m] of route before a trigger
 BEFORE_END = 60.0  # [m] of route after it, at least
@@ -41,6 +43,30 @@ def hazard_types(generation: str | None = None) -> list[tuple[str, str]]:
     """(generation, type) of all hazards."""
     keys = [key for key in SCENARIOS if isinstance(key, tuple)]
     return [(str(key[0]), str(key[1])) for key in keys if generation in (None, key[0])]
+
+
+def find_type(name: str) -> tuple[str, str]:
+    """(generation, type) of "Accident" or "1.0:Scenario3".
+
+    Raises:
+        UnknownName: there is none.
+    """
+    generation, colon, kind = name.rpartition(":")
+    found = [key for key in hazard_types() if key[1] == kind and (not colon or key[0] == generation)]
+    if not found:
+        raise UnknownName("scenario", name, (f"{key[0]}:{key[1]}" if colon else key[1] for key in hazard_types()))
+    return found[-1]  # a name of both generations is the newer one
+
+
+def chosen_types(names: Sequence[str]) -> list[tuple[str, str]]:
+    """The types that `names` name; "all" stands for all of 2.x that act.
+
+    Raises:
+        UnknownName: there is none of a name.
+    """
+    everything = [key for key in hazard_types("2.x") if SCENARIOS[key].acts]
+    found = [key for name in names for key in (everything if name == "all" else [find_type(name)])]
+    return list(dict.fromkeys(found))
 
 
 def stands(
@@ -94,3 +120,37 @@ def stand_on(town: TownMap, route: Route, kind: str, generation: str, number: in
         if found is not None:
             return Stand(route, index, found.spec)
     return None
+
+
+def put_hazards(
+    town: TownMap, entry: RouteEntry, kinds: Sequence[tuple[str, str]], spacing: float, draws: Draws
+) -> RouteEntry:
+    """The route with hazards of drawn types where they stand well, `spacing` metres apart or more.
+
+    Args:
+        town: Where.
+        entry: A route; its own hazards are replaced.
+        kinds: (generation, type) to draw from; where one does not stand the next in a drawn order is tried.
+        spacing: Between two triggers [m].
+        draws: What to draw from.
+
+    Raises:
+        ConfigError: `spacing` is not positive.
+    """
+    if not spacing > 0.0:
+        raise ConfigError(f"spacing of hazards must be positive [m], got {spacing:g}.")
+    route = get_planner(town).trace(entry.keypoints)
+    specs: list[ScenarioSpec] = []
+    free = AFTER_START[0]
+    for index in range(0, len(route), STEP):
+        here = float(route.distance[index])
+        if here < free or route.length - here < BEFORE_END:
+            continue
+        for choice in draws.stream("kind").permutation(index, len(kinds)):
+            generation, kind = kinds[int(choice)]
+            found = suggestion(town, route, index, kind, generation, f"{kind}_{len(specs) + 1}")
+            if found is not None:
+                specs.append(found.spec)
+                free = here + spacing
+                break
+    return replace(entry, scenarios=tuple(specs))

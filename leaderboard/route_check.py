@@ -14,13 +14,14 @@ from lavsim.map.planner import RoutePlanner, get_planner
 from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.scenarios.base import ScenarioSpec, make_scenario
+from lavsim.scenarios.director import trigger_index
 from lavsim.scenarios.place import Site
 from leaderboard.routes import RouteEntry, read_routes
 
 DETOUR = 3.0  # ways between key points longer than so many times the straight line are worth a word
 DETOUR_FROM = 200.0  # [m]
 SHORTEST = 30.0  # [m] of a route worth driving
-TRIGGER_RADIUS, TRIGGER_ANGLE = 2.0, 10.0  # [m, deg] of a hazard's trigger from the route, else it is ignored
+TRIGGER_RADIUS = 2.0  # [m] of a hazard's trigger from the route, else it is ignored
 
 
 def check_routes(source: str | Path, town_path: Sequence[Path] = ()) -> list[str]:
@@ -120,12 +121,12 @@ def _check_scenario(spec: ScenarioSpec, town: TownMap, route: Route) -> list[str
         scenario = make_scenario(spec)
     except LavsimError as error:
         return [str(error)]
-    x, y, z, yaw = spec.trigger
-    off = np.hypot(route.points[:, 0] - x, route.points[:, 1] - y)
-    turned = np.abs(np.mod(route.yaw - yaw + math.pi, 2.0 * math.pi) - math.pi)
-    near = off < TRIGGER_RADIUS
-    on_route = np.flatnonzero(near & (route.points[:, 2] - z < TRIGGER_RADIUS) & (turned < math.radians(TRIGGER_ANGLE)))
-    if not len(on_route):
+    x, y, _, yaw = spec.trigger
+    at = trigger_index(route, spec)
+    if at is None:
+        off = np.hypot(route.points[:, 0] - x, route.points[:, 1] - y)
+        turned = np.abs(np.mod(route.yaw - yaw + math.pi, 2.0 * math.pi) - math.pi)
+        near = off < TRIGGER_RADIUS
         k = int(np.argmin(off))
         if not near[k]:
             why = f"its trigger ({x:.1f}, {y:.1f}) is {off[k]:.1f} m off the route"
@@ -136,6 +137,5 @@ def _check_scenario(spec: ScenarioSpec, town: TownMap, route: Route) -> list[str
                 f"{math.degrees(float(route.yaw[k])) % 360.0:.0f}"
             )
         return [f"{why}; it is ignored."]
-    at = int(on_route[0])
     reason = scenario.fits(Site(town, route, at))
     return [] if reason is None else [f"{spec.type} does not fit at ({x:.1f}, {y:.1f}): {reason}."]

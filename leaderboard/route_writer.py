@@ -55,11 +55,27 @@ def _weather_values(weather: Weather) -> dict[str, str]:
 
 def _scenario(parent: etree._Element, spec: ScenarioSpec) -> None:
     element = etree.SubElement(parent, "scenario", name=spec.name, type=spec.type)
-    x, y, z, yaw = spec.trigger
-    turned = number(float(np.degrees(yaw)) % 360.0)
-    etree.SubElement(element, "trigger_point", x=number(x), y=number(y), z=number(z), yaw=turned)
+    if spec.generation != "2.x":
+        element.set("generation", spec.generation)
+    etree.SubElement(element, "trigger_point", _place(spec.trigger))
     for name, value in spec.parameters.items():
-        etree.SubElement(element, name, value=value if isinstance(value, str) else f"{value:g}")
+        if isinstance(value, str):
+            etree.SubElement(element, name, value=value)
+        elif isinstance(value, Sequence) and len(value) == 2:
+            low, high = value
+            etree.SubElement(element, name, {"from": f"{low:g}", "to": f"{high:g}"})
+        elif isinstance(value, Sequence):
+            etree.SubElement(element, name, _place(value))
+        else:
+            etree.SubElement(element, name, value=f"{value:g}")
+
+
+def _place(values: Sequence[float]) -> dict[str, str]:
+    """x, y, z [m] and, where it is given, yaw [rad] as attributes; yaw in degrees."""
+    said = dict(zip(("x", "y", "z"), map(number, values[:3]), strict=True))
+    if len(values) > 3 and values[3] is not None:
+        said["yaw"] = number(float(np.degrees(values[3])) % 360.0)
+    return said
 
 
 def number(value: float) -> str:

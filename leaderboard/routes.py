@@ -19,7 +19,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from lavsim.errors import RouteError, UnknownName
-from lavsim.scenarios.base import ScenarioSpec
+from lavsim.scenarios.base import GENERATIONS, ScenarioSpec
 from lavsim.traffic.profiles import TRAFFIC_PROFILES
 from lavsim.world.weather import Weather, WeatherKeyframe
 
@@ -231,11 +231,14 @@ class _RouteReader:
             trigger = _first(element, "trigger_point")
             if trigger is None:
                 raise self._error(element, f"scenario {element.get('name')!r} has no <trigger_point>")
-            kind = self._text(element, "type")
+            kind, generation = self._text(element, "type"), element.get("generation", "2.x")
+            if generation not in GENERATIONS:
+                known = " or ".join(GENERATIONS)
+                raise self._error(element, f"generation of a scenario must be {known}, got {generation!r}")
             yield ScenarioSpec(
                 name=element.get("name") or kind,
                 type=kind,
-                generation="2.x",
+                generation=generation,
                 trigger=(*self._point(trigger), math.radians(self._number(trigger, "yaw", 0.0))),
                 parameters=self._parameters(element),
             )

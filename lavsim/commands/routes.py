@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from lavsim.commands.base import AsJson, TownPath, app, print_findings, print_list, towns_at
+from lavsim.commands.scenarios import ScenarioPath
 from lavsim.errors import OutputError, UnknownName
 
 
@@ -82,16 +83,32 @@ def make_routes(
     length: Annotated[str, typer.Option(help="Shortest and longest in metres: '500-2000'.")] = "500-2000",
     seed: Annotated[int, typer.Option(help="Of everything that is drawn.")] = 0,
     traffic: Annotated[str, typer.Option(help="Traffic profile of the file: leaderboard, lav or empty.")] = "lav",
+    hazard: Annotated[
+        list[str] | None, typer.Option(help="Type of hazards to draw from, 'all' for all; may be given again.")
+    ] = None,
+    spacing: Annotated[float, typer.Option(help="Least distance between such hazards in metres.")] = 200.0,
+    weather: Annotated[
+        list[str] | None, typer.Option(help="Weather to draw from ('clear noon'); may be given again.")
+    ] = None,
+    scenario_path: ScenarioPath = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
     town_path: TownPath = None,
 ) -> None:
-    """Make random routes through a town, with hazards where they fit."""
+    """Make random routes through a town, with hazards where they fit; walkers at the kerb if none are chosen."""
     from lavsim.map.town_map import load_town
+    from lavsim.random import Draws
+    from lavsim.scenarios.user_files import use_folders
     from lavsim.traffic.profiles import TRAFFIC_PROFILES
-    from leaderboard.route_maker import RouteWish
+    from leaderboard.hazard_maker import chosen_types, put_hazards
+    from leaderboard.route_maker import WEATHERS, RouteWish
     from leaderboard.route_maker import make_routes as make
     from leaderboard.route_writer import write_routes
 
+    use_folders(scenario_path or [])
+    kinds = chosen_types(hazard or [])
+    for name in weather or []:
+        if name not in WEATHERS:
+            raise UnknownName("weather", name, WEATHERS)
     shortest, longest = _interval(length)
     if traffic not in TRAFFIC_PROFILES:
         raise UnknownName("traffic profile", traffic, TRAFFIC_PROFILES)
@@ -99,7 +116,12 @@ def make_routes(
         raise OutputError(f"{out} is there already; --overwrite replaces it.")
     if not out.parent.is_dir():
         raise OutputError(f"there is no folder {str(out.parent)!r} to write {out.name} into.")
-    entries = make(load_town(town, towns_at(town_path)), RouteWish(count, shortest, longest, seed))
+    pairs = tuple((a, b) for a in weather or WEATHERS for b in weather or WEATHERS)
+    where = load_town(town, towns_at(town_path))
+    entries = make(where, RouteWish(count, shortest, longest, seed, weathers=pairs))
+    if kinds:
+        draws = Draws.of_seed(seed).stream("hazards")
+        entries = [put_hazards(where, e, kinds, spacing, draws.stream(e.id)) for e in entries]
     try:
         out.write_bytes(write_routes(entries, traffic))
     except OSError as error:

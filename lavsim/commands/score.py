@@ -9,6 +9,7 @@ import typer
 
 from lavsim.commands.base import TownPath, app, print_rich, towns_at
 from lavsim.commands.progress import ScoreBar
+from lavsim.commands.scenarios import ScenarioPath
 
 
 @app.command()
@@ -23,6 +24,7 @@ def score(
     scenarios_json: Annotated[
         Path | None, typer.Option("--scenarios-json", help="Hazards of 1.0, matched with the routes.")
     ] = None,
+    scenario_path: ScenarioPath = None,
     repetitions: Annotated[int, typer.Option(help="Drives of each route.")] = 1,
     track: Annotated[str | None, typer.Option(help="Track the agent must be on; its own by default.")] = None,
     traffic: Annotated[str | None, typer.Option(help="leaderboard, lav or empty, where the file names none.")] = None,
@@ -43,8 +45,11 @@ def score(
     ] = False,
 ) -> None:
     """Drive an agent over routes and score it by the leaderboard's rules."""
+    from lavsim.scenarios.user_files import use_folders
     from leaderboard.evaluator import EvaluationConfig, evaluate
     from leaderboard.latency import latency_ticks
+
+    use_folders(scenario_path or [])
 
     config = EvaluationConfig.of(
         agent=agent,

@@ -15,6 +15,7 @@ from lavsim.random import Draws
 from lavsim.registry import Registry
 from lavsim.scenarios.hands import EgoHand, FlagsHand, LightsHand, TrafficHand
 from lavsim.scenarios.parameters import parse_parameters
+from lavsim.scenarios.user_files import read_folders
 from lavsim.types import DT, ActorIds, Role
 from lavsim.world.blueprints import find_blueprint
 from lavsim.world.world import Actor, World
@@ -175,7 +176,7 @@ class Scenario(ABC):
             actor.remove()
 
 
-SCENARIOS: Registry[type[Scenario]] = Registry("scenario", package="lavsim.scenarios")
+SCENARIOS: Registry[type[Scenario]] = Registry("scenario", package="lavsim.scenarios", also=read_folders)
 
 
 def make_scenario(spec: ScenarioSpec) -> Scenario:

@@ -15,6 +15,7 @@ from lavsim.random import Draws
 from lavsim.scenarios.base import Scenario, ScenarioSpec, Script, Stage, make_scenario
 from lavsim.scenarios.hands import EgoHand, FlagsHand, LightsHand, TrafficHand
 from lavsim.scenarios.place import Site
+from lavsim.scenarios.user_files import file_of, located
 from lavsim.traffic.population import Traffic
 from lavsim.world.lights import TrafficLights
 from lavsim.world.snapshot import HAZARD_DTYPE, HAZARD_OWNS_TIMER
@@ -111,14 +112,23 @@ class Director:
         for hazard in self._hazards:
             if hazard.is_over or (hazard.script is None and not self._set_off(hazard, route_point)):
                 continue
-            try:
-                next(hazard.script)  # type: ignore[arg-type]
-            except (StopIteration, ScenarioError):  # what finds no room later on is left out, too
+            if not self._step(hazard):
                 self._end(hazard)
                 continue
             owns_timer = hazard.stage.flags.bits & HAZARD_OWNS_TIMER
             if owns_timer and self._world.tick - hazard.begun >= _LONGEST:
                 self._end(hazard)
+
+    def _step(self, hazard: _Hazard) -> bool:
+        """Runs a script by one tick; whether it goes on."""
+        assert hazard.script is not None, "it has been set off"
+        try:
+            next(hazard.script)
+        except (StopIteration, ScenarioError):  # what finds no room later on is left out, too
+            return False
+        except Exception as error:
+            raise _mistake(hazard.scenario, error) from error
+        return True
 
     def _set_off(self, hazard: _Hazard, route_point: NDArray[np.float64]) -> bool:
         """Starts the script of a hazard whose trigger the ego has reached; whether it runs."""
@@ -157,6 +167,8 @@ class Director:
         except ScenarioError:
             hazard.scenario.clear()
             hazard.retry = self._world.tick + _RETRY_TICKS
+        except Exception as error:
+            raise _mistake(hazard.scenario, error) from error
 
     def _prepare(self, instance: int, spec: ScenarioSpec) -> _Hazard | None:
         """The hazard of `spec`; None when its trigger is not on the route, as the leaderboard ignores it then."""
@@ -165,7 +177,10 @@ class Director:
         if index is None:
             return None
         site = Site(self._town, self._route, index)
-        reason = scenario.fits(site)
+        try:
+            reason = scenario.fits(site)
+        except Exception as error:
+            raise _mistake(scenario, error) from error
         if reason is not None:
             where = f"({spec.trigger[0]:.1f}, {spec.trigger[1]:.1f})"
             raise RouteError(
@@ -177,6 +192,12 @@ class Director:
             TrafficHand(self._traffic, self._world, self._route, self._progress), self._ego, self._rules,
         )  # fmt: skip
         return _Hazard(spec, scenario, stage)
+
+
+def _mistake(scenario: Scenario, error: Exception) -> Exception:
+    """An error in a user's file, with file and line; one in ours stays what it is."""
+    path = file_of(scenario)
+    return error if path is None else ScenarioError(located(error, path))
 
 
 def trigger_index(route: Route, spec: ScenarioSpec) -> int | None:

@@ -60,9 +60,9 @@ class Follower:
         delta = snapshot.xy[acting] - ego.xy
         ahead = delta @ [np.cos(ego.yaw), np.sin(ego.yaw)]
         aside = np.abs(delta @ [-np.sin(ego.yaw), np.cos(ego.yaw)])
-        return bool(
-            ((ahead > 0.0) & (ahead < (6.0 + 2.5 * ego.speed if ego.speed > 1.0 else 14.0)) & (aside < 6.0)).any()
-        )
+        aside[snapshot.speeds[acting] < 0.3] += 4.0  # what stands beside the lane may stay there
+        reach = 6.0 + 2.5 * ego.speed if ego.speed > 1.0 else 14.0
+        return bool(((ahead > 0.0) & (ahead < reach) & (aside < 6.0)).any())
 
 
 def run(spec: DriveSpec, ticks: int, driver: Callable[[Simulation], Control] | None = None) -> list[Snapshot]:
