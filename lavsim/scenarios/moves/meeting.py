@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.scenarios.base import Stage
+from lavsim.scenarios.moves.pursuit import line_of
 
 _MEET = 1.2  # [m] of a line from the route where the two meet
+_STEP = 0.5  # [m] between the points of a `Line`
 _SLOWEST = 5.0  # [m/s] that the ego is taken to drive at least
 
 
@@ -22,7 +24,12 @@ def phase_to_meet(stage: Stage, line: NDArray[np.float64], speed: float) -> floa
     if not len(near):
         return None
     point = int(near[0])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     left = float(stage.route.distance[first + point]) - stage.progress()
     seconds = left / max(stage.world.ego.speed, _SLOWEST)
-    return float(along[int(np.argmin(apart[point]))]) - speed * seconds
+    way = line_of(line)
+    time = np.append(
+        0.0, np.cumsum(_STEP / np.minimum(speed, way.pace[1:]))
+    )  # [s] to each of its points: bends slow it
+    meeting = int(np.argmin(np.hypot(*(way.xy - stage.route.xy[first + point]).T)))
+    start = time[meeting] - seconds
+    return float(np.interp(start, time, _STEP * np.arange(len(time)))) if start > 0.0 else float(start * speed)
