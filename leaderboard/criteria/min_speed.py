@@ -49,7 +49,7 @@ class MinSpeed(Criterion):
         self._where = snapshot.tick, place(snapshot)
         background = snapshot.speeds[snapshot.is_background & snapshot.is_vehicle]
         if len(background):
-            self._traffic += float(background.mean())
+            self._traffic += float(background.sum()) / len(background)
             self._ego += ego.speed
         self._progress.advance(ego.x, ego.y)
         driven = float(self._distance[self._progress.index])

@@ -43,15 +43,20 @@ class OutsideRouteLanes(Criterion):
         self._wrong_lane = False
         self._before: tuple[int, int, bool, float] | None = None  # road, lane id, in junction, lane yaw [deg]
         self._total = self._wrong = 0.0
+        self._still: tuple[float, float, float, float] | None = None  # where nothing changes as long as the ego stands
         self._first: tuple[int, tuple[float, float, float]] | None = None  # tick and place of the first wrong metre
 
     def update(self, snapshot: Snapshot) -> Sequence[Infraction]:
         ego = snapshot.ego
+        pose = ego.x, ego.y, ego.z, ego.yaw
+        if pose == self._still:
+            return ()
         point = np.array([[ego.x, ego.y, ego.z]])
         under = self._town.nearest(point)
         self._follow_lane(int(under.lane[0]), math.degrees(float(under.yaw[0])), math.degrees(ego.yaw))
         current = self._progress.index
         passed = self._progress.advance(ego.x, ego.y)
+        self._still = None if passed else pose
         if not passed:
             return ()
         # "Outside" has no memory, so it is only asked for in ticks that pass a point.

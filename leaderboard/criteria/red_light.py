@@ -14,6 +14,8 @@ from lavsim.types import LightState
 from lavsim.world.snapshot import Snapshot
 from leaderboard.criteria.base import CRITERIA, Charge, Criterion, Infraction, place, place_text
 
+_RED = int(LightState.RED)  # an enum's attributes are slow to get
+
 
 @CRITERIA.register("red_light")
 class RedLight(Criterion):
@@ -34,18 +36,21 @@ class RedLight(Criterion):
     def start(self, town: TownMap, route: Route) -> None:
         self._town = town
         self._lights = town.lights
-        self._centres = np.array([light.trigger[:2] for light in town.lights], np.float64).reshape(-1, 2)
+        self._x = np.array([light.trigger[0] for light in town.lights], np.float64)
+        self._y = np.array([light.trigger[1] for light in town.lights], np.float64)
         self._half = self.rules.require(self.line)
         self._last: int | None = None
 
     def update(self, snapshot: Snapshot) -> Sequence[Infraction]:
-        if not len(self._centres):
+        if not len(self._x):
             return ()
         ego = snapshot.ego
-        delta = self._centres - (ego.x, ego.y)
-        near = (snapshot.lights == LightState.RED) & ((delta * delta).sum(axis=1) <= self.reach**2)
+        aside, along = self._x - ego.x, self._y - ego.y
+        near = aside * aside + along * along <= self.reach**2
+        if not near.any():
+            return ()
         found = []
-        for index in np.flatnonzero(near):
+        for index in np.flatnonzero(near & (snapshot.lights == _RED)):
             if index != self._last and self._crosses(snapshot, int(index)):
                 self._last = int(index)
                 light = self._lights[index]
