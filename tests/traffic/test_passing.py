@@ -104,3 +104,11 @@ def test_a_guest_that_waits_at_a_red_light_is_not_passed(gap: float, first: bool
     _stage, swing, ahead = behind_a_guest(gap, first)
     assert swing < 0.3
     assert ahead < -5.0
+
+
+def test_who_has_come_too_near_does_not_swing_out() -> None:
+    stage = Stage(worlds.straight(400.0), [(EAST, 80.0)])
+    guest = stage.put(EAST, 120.0)
+    stage.run(60.0)
+    assert stage.contacts == 0
+    assert x_of(stage) < float(guest.xy[0])
