@@ -19,14 +19,13 @@ from lavsim.dataset import folder
 from lavsim.dataset.card import write_card
 from lavsim.dataset.drive import EpisodeTask, collect_episode, info_of
 from lavsim.dataset.files import read_sealed, write_sealed
-from lavsim.dataset.plan import PLAN_SCHEMA, CollectPlan
+from lavsim.dataset.plan import PLAN_KEY, PLAN_SCHEMA, CollectPlan
 from lavsim.dataset.record import EpisodeRecord
 from lavsim.dataset.schema import INFO, DatasetInfo
 from lavsim.dataset.tally import OnProgress, Tally, bytes_of, disk_trouble_told
 from lavsim.errors import OutputError
 from lavsim.executor import Executor, make_executor
 
-PLAN_KEY = "plan_schema"
 _EMPTY_IN_A_ROW = 100  # episodes without a frame after which something must be wrong
 _MAY_CHANGE = ("frames",)  # of a plan when its dataset is gone on with: more of the same
 

@@ -35,6 +35,7 @@ from lavsim.world.weather_presets import find_weather
 from lavsim.world.weather_redrawn import RedrawnWeather
 
 PLAN_SCHEMA = 1
+PLAN_KEY = "plan_schema"  # in `meta/plan.json`
 REDRAWN = "lav"  # the weather that is drawn anew every 10 s
 MOST_FRAMES = 400  # of an episode, as in LAV's dataset
 FRAMES_PER_HOUR = 4 * 3600
@@ -148,6 +149,15 @@ class CollectPlan(Config):
         """The plan in JSON types, as `meta/plan.json` holds it."""
         return {"schema": PLAN_SCHEMA, **resolved(self)}
 
+    def command(self) -> str:
+        """The `lavsim collect` that makes this dataset, but for its folder: what is not as by default."""
+        parts = ["lavsim collect"]
+        for name in CollectPlan.model_fields:
+            value = getattr(self, name)
+            if name in ("towns", "frames") or value != getattr(_DEFAULT, name):
+                parts += _options(name, value)
+        return " ".join(parts)
+
     @staticmethod
     def from_json(values: Mapping[str, Any]) -> CollectPlan:
         """The plan that `to_json` gave.
@@ -200,6 +210,25 @@ def named_towns(text: str) -> tuple[str, ...]:
     for name in (part.strip() for part in text.split(",")):
         found += [town for town, facts in bundled_facts().items() if facts.split == name] or [name]
     return tuple(dict.fromkeys(filter(None, found)))
+
+
+_DEFAULT = CollectPlan()
+_SPELLED = {"suite": "sensors"}  # fields whose option is called otherwise
+
+
+def _options(name: str, value: Any) -> list[str]:
+    """The options that give a plan's field this value."""
+    option = f"--{_SPELLED.get(name, name).replace('_', '-')}"
+    if isinstance(value, ControlNoise):
+        own = [n for n in ControlNoise.model_fields if getattr(value, n) != getattr(ControlNoise(), n)]
+        return [option, *(f"--set {name}.{n}={getattr(value, n):g}" for n in own)]
+    if name == "episode_frames":
+        return [f"--set {name}={value}"]
+    if value is True:
+        return [option]
+    if name in ("vehicles", "walkers", "length"):
+        return [option, "-".join(f"{number:g}" for number in value)]
+    return [option, ",".join(value) or "none" if isinstance(value, tuple) else str(value)]
 
 
 def _weather(name: str, draws: Draws) -> tuple[WeatherKeyframe, ...] | RedrawnWeather:

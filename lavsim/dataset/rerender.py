@@ -13,9 +13,9 @@ from typing import Any
 
 from lavsim.dataset import folder
 from lavsim.dataset.card import write_card
-from lavsim.dataset.collect import PLAN_KEY, Collected, run_tasks, write_plan
+from lavsim.dataset.collect import Collected, run_tasks, write_plan
 from lavsim.dataset.files import read_sealed
-from lavsim.dataset.plan import PLAN_SCHEMA, CollectPlan
+from lavsim.dataset.plan import PLAN_KEY, PLAN_SCHEMA, CollectPlan
 from lavsim.dataset.record import EpisodeRecord
 from lavsim.dataset.redrive import RenderTask, render_episode
 from lavsim.dataset.schema import FILES, INFO, TICKS_PER_FRAME, DatasetInfo, RecordConfig, file_of

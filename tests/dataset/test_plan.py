@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lavsim.cli import main
 from lavsim.config import parse_config
 from lavsim.dataset.hazards import AFTER_START, BEFORE_END, known_hazards, named_hazards
 from lavsim.dataset.plan import CollectPlan, named_towns
@@ -138,3 +139,28 @@ def test_hazards_are_named_one_by_one_or_by_set() -> None:
 def test_splits_stand_for_their_towns() -> None:
     assert named_towns("training") == ("eu_small_a", "us_large_a", "us_large_b", "us_highway") == CollectPlan().towns
     assert named_towns("test,eu_small_a") == ("eu_small_b", "us_large_c", "eu_small_a")
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        CollectPlan(),
+        CollectPlan(**{**PLAN.model_dump(), "noise": {"push": 1.5}, "hazards": ("Accident",), "log_only": True}),
+        CollectPlan(weathers=("ClearNoon", "WetNoon"), traffic="empty", hazards_per_km=1.5, episode_frames=40),
+        CollectPlan(suite="lav", look="full", agent="a.b:C", agent_config="x", noise={}),  # type: ignore[arg-type]
+    ],
+)
+def test_the_command_of_a_plan_makes_that_plan(plan: CollectPlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+
+    def collect(plan: CollectPlan, *_: object, **__: object) -> Nothing:
+        made.append(plan)
+        return Nothing()
+
+    monkeypatch.setattr("lavsim.dataset.collect.collect", collect)
+    assert main([*plan.command().split()[1:], "--out", "data"]) == 0
+    assert made == [plan]
+
+
+class Nothing:
+    frames, bytes, records = 0, 0, ()
