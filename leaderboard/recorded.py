@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from lavsim.errors import LogError
 from lavsim.log.reader import LogReader
-from lavsim.map.planner import get_planner
+from lavsim.log.replay import route_of
 from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap, load_town
 
@@ -35,4 +33,4 @@ class RecordedDrive:
         digest = log.header.get("town_digest", town.digest)
         if digest != town.digest:
             raise LogError(f"{path.name} was driven in another {town.name}: its digest is {digest}, not {town.digest}.")
-        return RecordedDrive(log, town, get_planner(town).trace(np.array(log.header["keypoints"], np.float64)))
+        return RecordedDrive(log, town, route_of(log, town))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from lavsim.errors import RouteError
 from lavsim.types import RoadOption
 from leaderboard.scenario_files import Candidate, choose, read_scenarios
+from tests.leaderboard.test_routes import SHARED, needs_shared
 from tests.leaderboard.worlds import straight_route
 
 
@@ -117,3 +119,11 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 
 def test_numpys_legacy_generator_is_the_originals() -> None:
     assert np.random.RandomState(0).randint(0, 7, size=5).tolist() == [4, 5, 0, 3, 3]
+
+
+@needs_shared
+def test_the_public_scenario_file_is_read() -> None:
+    found = read_scenarios(SHARED / "leaderboard_1.0_scenarios.json")
+    counts = Counter(candidate.type for candidates in found.values() for candidate in candidates)
+    assert counts == {"Scenario1": 1538, "Scenario3": 414, "Scenario4": 489}
+    assert sorted(found) == ["Town01", "Town02", "Town03", "Town04", "Town05", "Town06"]
