@@ -21,9 +21,10 @@ MAX_THROTTLE = 0.75  # CARLA's usual cap
 OFFSET_GAIN = 1.0  # [1/s]
 SOFT_SPEED = 2.5  # [m/s] keeps the correction mild at walking pace
 STEER_RATE = 0.16  # a tick: full lock takes 0.3 s
-JERK = 12.0  # [m/s³] for what was foreseen; emergencies are not smoothed
+JERK = 8.0  # [m/s³] for what was foreseen; emergencies are not smoothed
 EMERGENCY = -4.0  # [m/s²]
 BACKING_SPEED, BACKING_THROTTLE = 1.2, 0.4  # [m/s]
+PULLING_AWAY = 0.6  # [m/s²] at which it starts
 RELEASED = -1.5  # [m/s²] the brake comes off at once down to here
 
 
@@ -42,7 +43,7 @@ class Controller:
         step = JERK * DT
         if acceleration > EMERGENCY:
             low = min(self._acceleration, 0.0) - step
-            high = max(self._acceleration, RELEASED) + 0.5 * step if speed > 0.5 else 2.5
+            high = max(self._acceleration, RELEASED if speed > 0.5 else PULLING_AWAY) + 0.5 * step
             acceleration = min(max(acceleration, low), high)
         self._acceleration = acceleration
         throttle, brake = pedals(speed, acceleration)
