@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.dataset.collect import PLAN_KEY
 from lavsim.dataset.files import PARTIAL, read_sealed
 from lavsim.dataset.folder import PLAN
 from lavsim.dataset.frames import Keeper
-from lavsim.dataset.plan import PLAN_SCHEMA, CollectPlan
+from lavsim.dataset.plan import PLAN_KEY, PLAN_SCHEMA, CollectPlan
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.record import EpisodeRecord
 from lavsim.dataset.schema import FILES, INFO, TICKS_PER_FRAME, DatasetInfo, FieldSpec, file_of

@@ -12,17 +12,19 @@ WEATHER = ("cloudiness", "precipitation", "precipitation_deposits", "wind_intens
 ROUTE_POINTS = 20
 
 
-def table_fields(cameras: Sequence[str], has_sensors: bool = True) -> tuple[FieldSpec, ...]:
+def table_fields(cameras: Sequence[str] = (), has_scan: bool = False) -> tuple[FieldSpec, ...]:
     """The columns of a table.
 
     Args:
         cameras: Names of the cameras in whose pictures actors are counted.
-        has_sensors: Whether sensors were read, so that it is known what they saw.
+        has_scan: Whether there is a LiDAR whose points on actors are counted.
     """
     a, t = ("actors",), ("ticks",)
-    seen = (
+    scan = (
         _column("lidar_now", "int32", (), "points", "", "how many of the first points of `lidar` are this tick's"),
         _column("actor_lidar_hits", "int32", a, "points", "", "points of `lidar` that lie on the actor"),
+    )
+    pictures = (
         _column("actor_pixels", "int32", (*a, len(cameras)), "px", "", f"pixels of it in {', '.join(cameras)}"),
     )
     return (
@@ -89,7 +91,8 @@ def table_fields(cameras: Sequence[str], has_sensors: bool = True) -> tuple[Fiel
         _column("actor_lights", "int32", a, "VehicleLight", "",
                 "CARLA's bits: 1 position, 2 low beam, 4 high beam, 8 brake, 16 right, 32 left blinker, 64 reverse, "
                 "512, 1024 special"),
-        *(seen if has_sensors else ()),
+        *(scan if has_scan else ()),
+        *(pictures if cameras else ()),
     )  # fmt: skip
 
 

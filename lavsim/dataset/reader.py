@@ -19,7 +19,7 @@ from lavsim.dataset.tables import Table, read_table
 from lavsim.errors import DatasetError, UnknownName
 
 _OPEN = 64  # episodes whose shards stay open
-_TABLES = 512  # tables kept in memory, of about 1 MB each
+_TABLES = 256  # tables kept in memory, of about 1 MB each
 
 
 class Dataset:
@@ -116,8 +116,11 @@ class Dataset:
         return found
 
     def encoded(self, episode: int, frame: int, name: str) -> bytes:
-        """A blob as it lies in the shard."""
-        return self._shard(episode).read(frame, self._field(name).member)
+        """A blob as it lies in the shard, or would."""
+        item = self._field(name)
+        if self.has_blobs:
+            return self._shard(episode).read(frame, item.member)
+        return self._renderer().encoded(*self._place(episode, frame), [item])[name]
 
     @property
     def has_blobs(self) -> bool:
@@ -132,7 +135,7 @@ class Dataset:
 
     def _blobs(self, episode: int, frame: int, fields: Sequence[FieldSpec]) -> dict[str, Any]:
         if not self.has_blobs:
-            return self._render(episode, frame, fields)
+            return self._renderer().read(*self._place(episode, frame), fields)
         shard, found = self._shard(episode), {}
         for item in fields:
             data = shard.read(frame, item.member)
@@ -142,11 +145,14 @@ class Dataset:
                 raise DatasetError(f"{shard.path.name}: {frame:06d}.{item.member} is {error}") from None
         return found
 
-    def _render(self, episode: int, frame: int, fields: Sequence[FieldSpec]) -> dict[str, Any]:
+    def _renderer(self) -> Rerendered:
         if self._rendered is None:
             self._rendered = Rerendered(self.info.record.suite, self._town_path)
-        tick = int(self.table(episode)["tick"][frame])
-        return self._rendered.read(self._file("log", episode), tick, fields)
+        return self._rendered
+
+    def _place(self, episode: int, frame: int) -> tuple[Path, int]:
+        """Log and tick of a frame."""
+        return self._file("log", episode), int(self.table(episode)["tick"][frame])
 
     def _shard(self, episode: int) -> ShardReader:
         if episode in self._shards:

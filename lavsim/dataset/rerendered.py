@@ -33,6 +33,15 @@ class Rerendered:
         """The readings of some fields at a tick, after their codecs have rounded them.
 
         Raises:
+            LogError: as `encoded`.
+        """
+        blobs = self.encoded(log, tick, fields)
+        return {item.name: decode(item.codec, blobs[item.name], item.shape) for item in fields}
+
+    def encoded(self, log: Path, tick: int, fields: Sequence[FieldSpec]) -> dict[str, bytes]:
+        """The blobs of some fields at a tick.
+
+        Raises:
             LogError: the log is damaged, or its town is another one here.
         """
         reader = self._log(log)
@@ -40,10 +49,7 @@ class Rerendered:
         index = tick - reader[0].tick
         recent = recent_of(reader, index, self._rig.history + 1)
         seen = self._rig.read(recent, scene, draws_of(reader), [item.name for item in fields])
-        return {
-            item.name: decode(item.codec, find_codec(item.codec).encode(seen.blobs[item.name]), item.shape)
-            for item in fields
-        }
+        return {item.name: find_codec(item.codec).encode(seen.blobs[item.name]) for item in fields}
 
     def _log(self, path: Path) -> LogReader:
         if path in self._logs:

@@ -45,6 +45,8 @@ class Readings:
 class Rig:
     """The sensors of a suite whose readings are kept as blobs.
 
+    Actors are counted in the pictures of cameras of class tags and in the points of the LiDAR.
+
     Colour and tags of cameras on one mount come from one pass. A LiDAR's scan is this tick's half sweep and then the
     one before, each in the sensor's frame of its own tick: without motion compensation, as LAV's recorder and agent do
     it. Sensors for which it knows nothing better are kept as they are read.
@@ -56,12 +58,19 @@ class Rig:
     def __init__(self, suite: Sequence[Mapping[str, Any]]) -> None:
         self._sensors = [make_sensor(values) for values in suite if values.get("type") not in _PER_TICK]
         self.fields = tuple(_field(sensor) for sensor in self._sensors)
-        self.cameras = tuple(f.name for f, s in zip(self.fields, self._sensors, strict=True) if _counts_pixels(s))
+        self.cameras = tuple(
+            f.name for f, s in zip(self.fields, self._sensors, strict=True) if isinstance(s, TagCamera)
+        )
+
+    @property
+    def has_scan(self) -> bool:
+        """Whether there is a LiDAR whose scan is put together of two ticks."""
+        return any(map(_is_scanner, self._sensors))
 
     @property
     def history(self) -> int:
         """How many snapshots before the current one are read."""
-        return max((max(s.history, int(_is_lidar(s))) for s in self._sensors), default=0)
+        return max((max(s.history, int(_is_scanner(s))) for s in self._sensors), default=0)
 
     def read(
         self, history: Sequence[Snapshot], scene: Scene, draws: Draws, names: Sequence[str] | None = None
@@ -84,8 +93,8 @@ class Rig:
         blobs: dict[str, NDArray[Any]] = {}
         pixels = []
         # A scene keeps what it has drawn for one tick only, so LiDARs, which look at two, come first.
-        for name, sensor in sorted(chosen, key=lambda item: not _is_lidar(item[1])):
-            if isinstance(sensor, Lidar) and _is_lidar(sensor):
+        for name, sensor in sorted(chosen, key=lambda item: not _is_scanner(item[1])):
+            if isinstance(sensor, Lidar) and _is_scanner(sensor):
                 blobs[name], lidar_now = self._scan(sensor, history, scene, draws, hits)
             elif isinstance(sensor, TagCamera):
                 blobs[name], instance = sensor.view.labels(now, scene, sensor.config.tags)
@@ -111,13 +120,9 @@ class Rig:
         return np.concatenate(parts[::-1]), len(parts[-1])
 
 
-def _is_lidar(sensor: Sensor) -> bool:
+def _is_scanner(sensor: Sensor) -> bool:
     """Whether its scan is put together of two ticks."""
     return isinstance(sensor, Lidar) and not isinstance(sensor, SemanticLidar) and not sensor.model.full_sweep
-
-
-def _counts_pixels(sensor: Sensor) -> bool:
-    return isinstance(sensor, TagCamera)
 
 
 def _field(sensor: Sensor) -> FieldSpec:
@@ -132,7 +137,7 @@ def _field(sensor: Sensor) -> FieldSpec:
         shape, codec, unit, about = _size(sensor), "zstd", "Tag", "class ids, CARLA's table up to 0.9.13"
         if sensor.config.tags == "new":
             about = "class ids, CARLA's table from 0.9.14 on"
-    elif _is_lidar(sensor):
+    elif _is_scanner(sensor):
         shape, codec, unit = ("points", 4), "lidar_cm", "m, m, m, 1"
         about = "x, y, z, intensity: this tick's half sweep (`lidar_now` points), then the one before in its own frame"
     elif isinstance(sensor, Bev) and "limit" not in sensor.config.names:

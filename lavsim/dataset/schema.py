@@ -100,7 +100,8 @@ class DatasetInfo:
         from lavsim.dataset.rig import Rig
 
         rig = Rig(record.suite)
-        columns = table_fields(rig.cameras, record.blobs) if record.tables else ()
+        seen = table_fields(rig.cameras, rig.has_scan) if record.blobs else table_fields()
+        columns = seen if record.tables else ()
         return DatasetInfo(record, (*columns, *rig.fields), seed, dict(config or {}), _versions())
 
     @property

@@ -56,7 +56,7 @@ class ShardWriter:
         shard = self._file.finish()
         index = PartialFile(self._index_path)
         try:
-            index.write(_npy(np.array(self._rows, dtype=INDEX_DTYPE).reshape(-1, len(self._headers))))
+            index.write(_npy(np.array(self._rows, dtype=INDEX_DTYPE).reshape(len(self._rows), len(self._headers))))
             return shard, index.finish()
         except BaseException:
             index.abandon()

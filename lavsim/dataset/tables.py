@@ -95,7 +95,7 @@ def read_table(data: bytes, name: str, fields: Sequence[FieldSpec]) -> Table:
     import pyarrow.parquet as pq
 
     try:
-        found = pq.read_table(io.BytesIO(data), page_checksum_verification=True).combine_chunks()
+        found = pq.read_table(io.BytesIO(data), page_checksum_verification=True, use_threads=False).combine_chunks()
     except (pa.ArrowException, OSError) as error:
         raise DatasetError(f"{name} can't be read as Parquet: {' '.join(str(error).split())}") from None
     missing = [field.name for field in fields if field.name not in found.column_names]
