@@ -11,6 +11,7 @@ import numpy as np
 
 from lavsim.dataset.files import write_file
 from lavsim.dataset.stats import QUANTITIES, Histogram, Statistics
+from lavsim.errors import OutputError
 
 _BARS = 40  # bins of a chart at most
 _INK, _BAR, _SOFT = "#28282c", "#3c78c8", "#b8c8e0"
@@ -25,7 +26,11 @@ _LOGARITHMIC = ("turn", "steer", "speed")  # counts: driving straight at the lim
 
 
 def write_charts(statistics: Statistics, title: str, path: Path) -> None:
-    """Writes the charts as a PNG."""
+    """Writes the charts as a PNG.
+
+    Raises:
+        OutputError: it can't be written.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -46,7 +51,19 @@ def write_charts(statistics: Statistics, title: str, path: Path) -> None:
         axis.set_visible(False)
     file = BytesIO()
     figure.savefig(file, format="png", metadata={"Software": None})  # no version: the same numbers, the same bytes
-    write_file(path, file.getvalue())
+    write_output(path, file.getvalue())
+
+
+def write_output(path: Path, data: bytes) -> None:
+    """Writes a file that a user asked for, whole or not at all.
+
+    Raises:
+        OutputError: it can't be written.
+    """
+    try:
+        write_file(path, data)
+    except OSError as error:
+        raise OutputError(f"can't write {path}: {error.strerror or error}.") from None
 
 
 def _histogram(axis: Any, name: str, histogram: Histogram) -> None:

@@ -66,14 +66,13 @@ def export_lerobot(source: Path, out: Path, watch: Watch | None = None) -> dict[
     sizes = {_key(field): (int(field.shape[0]), int(field.shape[1])) for field in cameras}
     done = episodes = 0
     with new_folder(out) as root:
-        writer = LeRobotWriter(root, RATE, FEATURES, sizes, "car")
-        for record in dataset.episodes.values():
-            for piece in pieces(record):
-                frames = _frames(dataset, record.episode, piece, cameras, len(dataset), done, watch)
-                columns, tasks = _columns(dataset.table(record.episode), piece)
-                writer.add_episode(columns, tasks, frames)
-                done, episodes = done + len(piece), episodes + 1
-        writer.close()
+        with LeRobotWriter(root, RATE, FEATURES, sizes, "car") as writer:
+            for record in dataset.episodes.values():
+                for piece in pieces(record):
+                    frames = _frames(dataset, record.episode, piece, cameras, len(dataset), done, watch)
+                    columns, tasks = _columns(dataset.table(record.episode), piece)
+                    writer.add_episode(columns, tasks, frames)
+                    done, episodes = done + len(piece), episodes + 1
         write_file(root / "README.md", _card(episodes, done, list(sizes)).encode())
     return {"episodes": episodes, "frames": done, "cameras": list(sizes)}
 

@@ -214,7 +214,7 @@ def write_trajectory(folder: Path, town: str, frames: Iterable[LavFrame]) -> int
         env.close()
     except (lmdb.Error, OSError) as error:
         shutil.rmtree(partial, ignore_errors=True)
-        raise OutputError(f"can't write {folder}: {error}.") from None
+        raise OutputError(f"can't write the trajectory {folder.name}: {error}; the disk may be full.") from None
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise

@@ -15,6 +15,7 @@ Source: LeRobot 0.4.4 (`lerobot.datasets`), whose reader opens what this writes.
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -162,6 +163,19 @@ class LeRobotWriter:
             self._videos[key].levels.join(levels)
         self._rows.append(row | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0})
         self._frames += count
+
+    def __enter__(self) -> LeRobotWriter:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:
+            self.close()
+            return
+        # What could not be written whole is of no use, and the disk that refused it may refuse its last bytes too.
+        for file in (self._parquet, *self._videos.values()):
+            if file is not None:
+                with contextlib.suppress(Exception):
+                    file.close()
 
     def close(self) -> None:
         """Completes all files."""

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lavsim.dataset.charts import write_output
 from lavsim.dataset.columns import WEATHER
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.schema import BLOB, DatasetInfo, FieldSpec
@@ -24,7 +25,7 @@ from lavsim.errors import DatasetError
 from lavsim.geometry import box_corners, to_local
 from lavsim.random import Draws
 from lavsim.render.camera_view import CameraView
-from lavsim.render.canvas import Canvas, height_colours, write_png, write_text
+from lavsim.render.canvas import Canvas, encode_png, height_colours, write_text
 from lavsim.render.frame import Pose, rotation
 from lavsim.render.palette import EGO_BGR, INK_BGR, PAPER_BGR, ROUTE_BGR, Bgr
 from lavsim.sensors.base import Sensor, make_sensor
@@ -131,6 +132,7 @@ def show_frames(
 
     Raises:
         DatasetError: it has no such frame, nothing to draw, or is damaged.
+        OutputError: the picture can't be written.
     """
     dataset = Dataset(data, town_path)
     if place is None:
@@ -140,8 +142,7 @@ def show_frames(
             image = FramePainter(dataset).draw(*place, scale=2)
         except IndexError as error:
             raise DatasetError(f"{data}: no frame {place[1]}: {error}.") from None
-    picture.parent.mkdir(parents=True, exist_ok=True)
-    write_png(image, picture)
+    write_output(picture, encode_png(image))
 
 
 def draw_sheet(
