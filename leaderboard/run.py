@@ -90,6 +90,8 @@ def claim_folder(folder: Path, overwrite: bool, resume: bool = False) -> None:
             )
         for path in held:
             shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+        for path in sorted(folder.rglob("*.partial")) if resume else ():  # a kill in the middle of writing
+            path.unlink()
         for name in (LOGS, PICTURES, DRIVES):
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:

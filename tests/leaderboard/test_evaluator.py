@@ -304,9 +304,12 @@ def test_a_run_cut_short_goes_on_and_ends_with_the_same_files(tmp_path: Path) ->
         evaluate(steady(tmp_path, 3, out=tmp_path / "cut"), stop)
     cut = Run.load(tmp_path / "cut")
     assert len(cut.records) == 1
+    half = cut.folder / "drives" / "RouteScenario_1_rep0.json.4711.partial"
+    half.write_text("{")  # what a kill in the middle of writing leaves
     seen: list[Progress] = []
     resumed = evaluate(steady(tmp_path, 3, out=tmp_path / "cut", resume=True), seen.append)
     assert min(p.done for p in seen) == 1, "the drive done is not driven again"
+    assert not half.exists()
     assert same(whole, resumed)
 
 
