@@ -10,6 +10,7 @@ from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_direction, check_positive
 from lavsim.scenarios.moves.flow import CARS, ActorFlow
+from lavsim.scenarios.moves.meeting import phase_at
 from lavsim.scenarios.moves.models import pick
 from lavsim.scenarios.moves.park import park
 from lavsim.scenarios.moves.roadside import parking_beside
@@ -19,6 +20,9 @@ from lavsim.world.snapshot import HAZARD_OWNS_TIMER
 
 _AT_START = 20.0  # [m] of the trigger from the start of the route
 _BEHIND, _AHEAD = 100.0, 150.0  # [m] of road on which traffic passes
+_WIDEST = 4.0  # times the smallest gap is the widest
+_SOON = 1.6  # [s] after the start the first vehicle passes: who pulls out without looking meets it
+_BRAKING = 5.0  # [m/s²]
 _END = 15.0  # [m] that the ego drives beyond the car before it
 
 
@@ -29,7 +33,7 @@ class ParkingExitConfig:
     Attributes:
         front_vehicle_distance: To the car before [m].
         behind_vehicle_distance: To the car behind [m].
-        flow_distance: Gap between vehicles that pass [m].
+        flow_distance: Smallest gap between vehicles that pass [m].
         direction: Side of the parking lane, "right" or "left".
         speed: Of the vehicles that pass [km/h].
     """
@@ -50,7 +54,8 @@ class ParkingExit(Scenario):
     """NHTSA pre-crash type: vehicle leaving a parked position (the ego does).
 
     The ego starts in the parking lane beside the trigger, between two parked cars, while vehicles pass in its lane.
-    They keep their distance, to the ego as well. It is over when the ego has driven 15 m more than
+    The first is there 1.6 s after the start; gaps behind it are `flow_distance` to four times that. They brake for
+    the ego, with 5 m/s² at most. It is over when the ego has driven 15 m more than
     `front_vehicle_distance`. It owns a timer of 240 s.
 
     Parameters: front_vehicle_distance 20 m, behind_vehicle_distance 10 m, flow_distance 25 m, direction right, speed
@@ -83,8 +88,12 @@ class ParkingExit(Scenario):
     def script(self, stage: Stage) -> Script:
         stage.flags.set(HAZARD_OWNS_TIMER)
         line = join(line_behind(stage.anchor, _BEHIND), line_ahead(stage.anchor, _AHEAD))
-        gap = Interval(self.config.flow_distance, self.config.flow_distance)
-        flow = ActorFlow(self, stage, line, self.config.speed / 3.6, gap, prefilled=True, keeps_distance=True)
+        gap = Interval(self.config.flow_distance, _WIDEST * self.config.flow_distance)
+        speed = self.config.speed / 3.6
+        phase = phase_at(line, speed, stage.anchor.xy, _SOON)
+        flow = ActorFlow(
+            self, stage, line, speed, gap, prefilled=True, keeps_distance=True, phase=phase, braking=_BRAKING
+        )
         left = wait.driven(stage.world.ego, self.config.front_vehicle_distance + _END)
         yield from wait.beside(left, flow.run())
 

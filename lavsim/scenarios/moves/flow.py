@@ -57,10 +57,11 @@ class ActorFlow:
         most: int | None = None,
         offset: float = 0.0,
         phase: float | None = None,
+        braking: float = DECELERATION,
     ) -> None:
         self._scenario, self._stage, self.line = scenario, stage, line_of(line)
         self.speed, self._gap, self._models, self._keeps = speed, gap, models, keeps_distance
-        self._most, self._offset = most, offset
+        self._most, self._offset, self._limits = most, offset, (ACCELERATION, braking)
         self._column, self._count = make_column(_MOST), 0
         self._draws = stage.draws.stream("flow", len(scenario.actors))
         self._next_gap = self._draw_gap()
@@ -100,15 +101,13 @@ class ActorFlow:
             world.remove(Actor(world, int(column.row[slot])))
             column.row[slot] = -1
         column.row[here & ~world.present[column.row]] = -1
-        if (world.touched[column.row[column.row >= 0]] >= 0).any():
-            self._keeps = True  # whoever follows has seen it
-            column.keeps[:] = True
+        self._keep_clear()
         self._pause -= 1
         last = float(np.min(column.at[column.row >= 0], initial=np.inf))
         if self._pause < 0 and last >= self._next_gap and self._may_come() and self._spawn(0.0):
             self._next_gap = self._draw_gap()
         column.wanted[:] = self.speed
-        step_column(self._stage, self.line, column, (ACCELERATION, DECELERATION))
+        step_column(self._stage, self.line, column, self._limits)
 
     def run(self) -> Script:
         """Acts without end."""

@@ -26,10 +26,12 @@ def phase_to_meet(stage: Stage, line: NDArray[np.float64], speed: float) -> floa
     point = int(near[0])
     left = float(stage.route.distance[first + point]) - stage.progress()
     seconds = left / max(stage.world.ego.speed, _SLOWEST)
+    return phase_at(line, speed, stage.route.xy[first + point], seconds)
+
+
+def phase_at(line: NDArray[np.float64], speed: float, place: NDArray[np.float64], seconds: float) -> float:
+    """Where on `line` (N, 2) a vehicle at `speed` is now if it is at `place` (2,) after `seconds` [m]."""
     way = line_of(line)
-    time = np.append(
-        0.0, np.cumsum(_STEP / np.minimum(speed, way.pace[1:]))
-    )  # [s] to each of its points: bends slow it
-    meeting = int(np.argmin(np.hypot(*(way.xy - stage.route.xy[first + point]).T)))
-    start = time[meeting] - seconds
+    time = np.append(0.0, np.cumsum(_STEP / np.minimum(speed, way.pace[1:])))  # [s]; bends slow it down
+    start = time[int(np.argmin(np.hypot(*(way.xy - place).T)))] - seconds
     return float(np.interp(start, time, _STEP * np.arange(len(time)))) if start > 0.0 else float(start * speed)
