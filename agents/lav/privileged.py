@@ -1,0 +1,192 @@
+"""The teacher behind the wheel: LAV's planner on true bird's-eye labels, the upper bound of what a student can learn.
+
+What labels don't show, lights and stop signs, stands for the brake network's answer and is told by the truth sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from agents.behavior.path import PathTracker, path_of_plan
+from agents.behavior.road import StopPoint, stop_points
+from agents.lav.config import LavConfig
+from agents.lav.controller import STOP, Controller, StuckCounter, collides, planned_speed
+from agents.lav.frames import command_of, planner_from_vehicle, vehicle_from_planner
+from agents.lav.labels import on_grid
+from agents.lav.models.crop import to_planner
+from agents.lav.models.teacher import LABEL_LAYERS, MotionNetwork, make_teacher
+from agents.lav.weights import read_weights
+from agents.privileged import PrivilegedAgent
+from lavsim.drawings import Drawing, polylines, scalar
+from lavsim.errors import ConfigError
+from lavsim.geometry import to_local, wrap_angle
+from lavsim.guidance import Guide
+from lavsim.map.town_map import load_town
+from lavsim.sensors.bev import BevConfig
+from lavsim.types import ActorClass, Control, LightState
+
+Floats = NDArray[np.float64]
+
+PIXELS_PER_METRE = 4.0  # the labels are drawn as the dataset's and made coarser as there
+_SAME_LEVEL = 3.0  # [m]
+_COMFORT = 3.5  # [m/s²] it brakes for a line when less would not do
+_LINE_GAP, _OVER_LINE = 1.5, 2.5  # [m] kept before a stop line; over it by more, it drives on
+_SIGN_REACH = 4.0  # [m] before a stop sign's line where standing counts
+
+
+def get_entry_point() -> str:
+    """The class the leaderboard runs."""
+    return "PrivilegedLavAgent"
+
+
+class PrivilegedLavAgent(PrivilegedAgent):
+    """LAV's teacher on true labels; the configuration is the file of its weights."""
+
+    radius = 60.0
+
+    def setup(self, path_to_conf_file: str | None) -> None:
+        super().setup(path_to_conf_file)
+        torch.set_num_threads(1)
+        if not path_to_conf_file:
+            raise ConfigError("PrivilegedLavAgent needs its weights: --agent-config weights/…/bev.safetensors.")
+        weights = read_weights(Path(path_to_conf_file))
+        self.config = weights.config
+        self.network: MotionNetwork = make_teacher(self.config).eval()
+        self.network.load_state_dict(dict(weights.tensors))
+        self._controller = Controller(self.config.drive)
+        self._stuck = StuckCounter(self.config.drive)
+        self._guide: Guide | None = None
+        self._lines: _Lines | None = None
+        self._bev = bev_sensor(self.config)
+        self._shown: dict[str, Drawing] = {}
+
+    def sensors(self) -> list[dict[str, Any]]:
+        return [
+            *super().sensors(),
+            self._bev,
+            {"type": "sensor.other.gnss", "id": "gps", "x": 0.0, "y": 0.0, "z": 2.4},
+            {"type": "sensor.other.imu", "id": "imu", "x": 0.0, "y": 0.0, "z": 2.4},
+            {"type": "sensor.speedometer", "id": "speed"},
+        ]  # fmt: skip
+
+    def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
+        truth = input_data["truth"][1]
+        if self._guide is None or self._lines is None:
+            nodes = self._global_plan or []
+            gps = np.array([[node["lat"], node["lon"]] for node, _ in nodes])
+            self._guide = Guide(gps, [int(option) for _, option in nodes])
+            path = path_of_plan(self.dense_plan)
+            self._lines = _Lines(PathTracker(path), stop_points(path, load_town(truth["town"])))
+        self._guide.update(input_data["gps"][1])
+        guidance = self._guide.now(float(input_data["imu"][1][6]))
+        speed = max(float(input_data["speed"][1]["speed"]), 0.0)
+        command = command_of(int(guidance.command))
+        plan, others, likelihood = self._motions(input_data["bev"][1], truth, guidance.goal, command)
+        control = self._controller.follow(plan, speed, command)
+        if self._lines.must_stop(truth, speed) or collides(plan, others, likelihood, self.config.drive):
+            control = Control(steer=control.steer, brake=STOP.brake)
+            return control  # who waits for a light is not stuck
+        return self._stuck.step(control, speed)
+
+    def drawings(self) -> dict[str, Drawing]:
+        """Its plan and the likely forecasts."""
+        return self._shown
+
+    def _motions(
+        self, layers: NDArray[np.uint8], truth: Mapping[str, Any], goal: NDArray[np.float32], command: int
+    ) -> tuple[Floats, Floats, Floats]:
+        """The plan (T, 2), forecasts (N, 6, T, 2) of others and their likelihoods (N, 6), in the planner's frame."""
+        recorded = BevConfig.parse(self._bev)
+        image = torch.from_numpy(on_grid(layers, recorded, self.config.grid)).float()
+        poses = torch.from_numpy(_poses(truth, self.config))
+        goals = torch.from_numpy(planner_from_vehicle(goal).astype(np.float32))
+        with torch.inference_mode():
+            motions = self.network(image[None], poses[None], goals[None])
+            own = motions.refined[0, -1] if motions.refined.shape[1] else motions.coarse[0, 0]
+            if command >= 4 and not self.config.drive.refined_lane_change:
+                own = motions.coarse[0, 0]
+            others = to_planner(motions.coarse[0, 1:], poses[1:, None])
+            likelihood = torch.sigmoid(motions.commands[0, 1:])
+        plan = own[command].numpy().astype(np.float64)
+        found = others.numpy().astype(np.float64), likelihood.numpy().astype(np.float64)
+        self._show(plan, *found)
+        return plan, *found
+
+    def _show(self, plan: Floats, others: Floats, likelihood: Floats) -> None:
+        likely = likelihood >= self.config.drive.likely
+        self._shown = {
+            "plan": polylines([vehicle_from_planner(plan)], frame="ego"),
+            "forecast": polylines(list(vehicle_from_planner(others[likely])), likelihood[likely], frame="ego"),
+            "planned speed": scalar(planned_speed(plan) * 3.6, "km/h"),
+        }
+
+
+def bev_sensor(config: LavConfig) -> dict[str, Any]:
+    """The sensor dict of true labels over a configuration's grid."""
+    grid = config.grid
+    return {
+        "type": "sensor.lavsim.bev",
+        "id": "bev",
+        "attributes": {
+            "layers": ",".join(LABEL_LAYERS),
+            "width": round(2.0 * grid.aside * PIXELS_PER_METRE),
+            "height": round((grid.ahead + grid.behind) * PIXELS_PER_METRE),
+            "pixels_per_metre": PIXELS_PER_METRE,
+            "ahead": (grid.ahead - grid.behind) / 2.0,
+        },
+    }
+
+
+def _poses(truth: Mapping[str, Any], config: LavConfig) -> NDArray[np.float32]:
+    """(R, 3) poses of the ego and of the vehicles ahead of it within the radius, nearest first."""
+    xyz, yaw = truth["xyz"], truth["yaw"]
+    places = to_local(xyz[:, :2], xyz[0, :2], float(yaw[0]))
+    distance = np.hypot(places[:, 0], places[:, 1])
+    counts = (truth["classes"] <= ActorClass.BICYCLE) & (np.abs(xyz[:, 2] - xyz[0, 2]) < _SAME_LEVEL)
+    counts &= (distance <= config.motion.radius) & (places[:, 0] > 0.0)
+    counts[0] = False
+    others = np.flatnonzero(counts)
+    rows = np.concatenate([[0], others[np.argsort(distance[others], kind="stable")]])
+    poses = np.zeros((len(rows), 3), np.float32)
+    poses[:, :2] = planner_from_vehicle(places[rows])
+    poses[:, 2] = wrap_angle(yaw[rows] - yaw[0])
+    poses[0] = 0.0
+    return poses
+
+
+class _Lines:
+    """Stop lines on the way: red and yellow lights, and stop signs until it has stood before them."""
+
+    def __init__(self, tracker: PathTracker, stops: list[StopPoint]) -> None:
+        self._tracker, self._stops = tracker, stops
+        self._signs_done: set[int] = set()
+
+    def must_stop(self, truth: Mapping[str, Any], speed: float) -> bool:
+        """Whether it has to brake now to stand before a line."""
+        s, _ = self._tracker.update(float(truth["xyz"][0, 0]), float(truth["xyz"][0, 1]))
+        front = s + float(truth["sizes"][0, 0]) / 2.0
+        for number, stop in enumerate(self._stops):
+            room = stop.s - stop.before - front
+            if room < -_OVER_LINE:
+                continue
+            needed = speed * speed / (2.0 * max(room - _LINE_GAP, 0.1))
+            if room > 60.0:
+                return False
+            if self._holds(number, stop, truth, speed, room) and needed > _COMFORT * (speed > 1.0):
+                return room < _LINE_GAP + 0.5 or speed > 1.0
+        return False
+
+    def _holds(self, number: int, stop: StopPoint, truth: Mapping[str, Any], speed: float, room: float) -> bool:
+        if stop.light >= 0:
+            state = int(truth["lights"][stop.light])
+            hard = speed * speed / (2.0 * max(room, 0.1)) > 2.0 * _COMFORT
+            return state == LightState.RED or (state == LightState.YELLOW and not hard)
+        if speed < 0.05 and room < _SIGN_REACH:
+            self._signs_done.add(number)
+        return number not in self._signs_done
