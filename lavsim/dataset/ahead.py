@@ -29,13 +29,17 @@ class RouteView:
     Args:
         route: The dense route.
         town: Its town.
+
+    Attributes:
+        lights: Where the route crosses the stop lines of lights, and whose.
+        stop_signs: The same of stop signs.
     """
 
     def __init__(self, route: Route, town: TownMap) -> None:
         self._route, self._town = route, town
         self._tracker = RouteTracker(route, _WINDOW)
-        self._lights = _lines(route, ((light.index, line) for light in town.lights for line in light.stop_lines))
-        self._signs = _lines(
+        self.lights = _lines(route, ((light.index, line) for light in town.lights for line in light.stop_lines))
+        self.stop_signs = _lines(
             route,
             ((sign.index, line) for sign in town.signs if sign.kind == "stop" for line in sign.stop_lines),
         )
@@ -54,8 +58,8 @@ class RouteView:
             (ego.xy - route.points[index, :2]) @ (np.cos(route.yaw[index]), np.sin(route.yaw[index]))
         )
         front = along + ego.length / 2.0
-        light, light_distance = _next(self._lights, front)
-        sign, sign_distance = _next(self._signs, front)
+        light, light_distance = _next(self.lights, front)
+        sign, sign_distance = _next(self.stop_signs, front)
         return {
             "route": to_local(points, ego.xy, ego.yaw),
             "route_index": index,

@@ -40,7 +40,7 @@ def test_any_suite_is_kept(tmp_path: Path, suite: tuple[dict[str, object], ...])
 
 
 def test_a_sensor_that_gives_several_arrays_is_refused() -> None:
-    with pytest.raises(SensorError, match="'truth' of type .* gives several"):
+    with pytest.raises(SensorError, match=r"'truth' of type .* gives several"):
         Rig([{"type": "sensor.lavsim.truth", "id": "truth"}])
 
 
