@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from lavsim.errors import ScenarioError
 from lavsim.map.town_map import Waypoint
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
@@ -21,8 +23,9 @@ from lavsim.world.snapshot import HAZARD_OWNS_TIMER
 _AT_START = 20.0  # [m] of the trigger from the start of the route
 _BEHIND, _AHEAD = 100.0, 150.0  # [m] of road on which traffic passes
 _WIDEST = 4.0  # times the smallest gap is the widest
-_SOON = 1.6  # [s] after the start the first vehicle passes: who pulls out without looking meets it
-_BRAKING = 5.0  # [m/s²]
+_SOON = 1.8  # [s] after the start the first vehicle passes: who pulls out without looking meets it
+_BRAKING = 2.0  # [m/s²]
+_STRAIGHT = 60.0  # [m] of road before it where a new file puts it: vehicles come fast
 _END = 15.0  # [m] that the ego drives beyond the car before it
 
 
@@ -54,8 +57,8 @@ class ParkingExit(Scenario):
     """NHTSA pre-crash type: vehicle leaving a parked position (the ego does).
 
     The ego starts in the parking lane beside the trigger, between two parked cars, while vehicles pass in its lane.
-    The first is there 1.6 s after the start; gaps behind it are `flow_distance` to four times that. They brake for
-    the ego, with 5 m/s² at most. It is over when the ego has driven 15 m more than
+    The first is there 1.8 s after the start; gaps behind it are `flow_distance` to four times that. They brake for
+    the ego, with 2 m/s² at most. It is over when the ego has driven 15 m more than
     `front_vehicle_distance`. It owns a timer of 240 s.
 
     Parameters: front_vehicle_distance 20 m, behind_vehicle_distance 10 m, flow_distance 25 m, direction right, speed
@@ -73,6 +76,12 @@ class ParkingExit(Scenario):
         if any(parking_beside(place, self.config.direction) is None for place in places):
             return f"there is no parking lane to the {self.config.direction} for the ego and the cars before and behind"
         return None
+
+    def suits(self, site: Site) -> str | None:
+        line = line_behind(site.anchor, _STRAIGHT)
+        length, chord = np.hypot(*np.diff(line, axis=0).T).sum(), np.hypot(*(line[-1] - line[0]))
+        is_straight = length > 0.99 * _STRAIGHT and chord > 0.98 * length
+        return self.fits(site) or (None if is_straight else "the road before it should be straight")
 
     def place(self, stage: Stage) -> None:
         if stage.world.tick > 0:
