@@ -148,6 +148,7 @@ def show(
     frames: Annotated[int, typer.Option(min=1, help="Frames of the contact sheet.")] = 24,
     seed: Annotated[int, typer.Option(help="Which frames.")] = 0,
     frame: Annotated[str | None, typer.Option(help="One frame instead, larger: 'EPISODE/FRAME'.")] = None,
+    bright: Annotated[bool, typer.Option("--bright", help="Lighten images of the night.")] = False,
     town_path: TownPath = None,
 ) -> None:
     """Draw frames as they are stored, with their labels on them: boxes, route, goal."""
@@ -157,7 +158,7 @@ def show(
     if picture.suffix != ".png":
         raise typer.BadParameter(f"--out: expected a file *.png, got {str(picture)!r}")
     with Shares() as shares:
-        show_frames(data, picture, frames, seed, _place(frame), towns_at(town_path), _watch(shares, "drawing"))
+        show_frames(data, picture, frames, seed, _place(frame), bright, towns_at(town_path), _watch(shares, "drawing"))
     typer.echo(str(picture))
 
 

@@ -41,6 +41,8 @@ _WIDTH, _PANEL, _WIDE = 640, 200, 240  # [px] of a frame at scale 1; of the two 
 _GAP, _LINE = 3, 16  # [px]
 _LIDAR_METRES = 80.0
 _NEAR = 0.1  # [m] before the lens, where boxes are cut
+_DARK = 70.0  # mean level of an image of the night
+_LIGHTENED = np.rint(255.0 * (np.arange(256) / 255.0) ** 0.45).astype(np.uint8)
 _FEW = 12  # pixels or points: fewer count as hardly seen
 
 # Colours of boxes: seen by this camera or this LiDAR, hardly or not, walkers, and what the ego stops for.
@@ -95,16 +97,17 @@ class FramePainter:
 
     Args:
         dataset: It may lack blobs: they are rendered from its logs then.
+        bright: Whether images of the night are lightened.
 
     Raises:
         DatasetError: it has no tables, or nothing that could be drawn.
     """
 
-    def __init__(self, dataset: Dataset) -> None:
+    def __init__(self, dataset: Dataset, bright: bool = False) -> None:
         if not dataset.info.columns:
             raise DatasetError(f"{dataset.root.name} holds logs alone; make its tables with: lavsim render.")
         self._dataset = dataset
-        self._views = [_View(field, sensor, dataset.info) for field, sensor in _sensors(dataset.info)]
+        self._views = [_View(field, sensor, dataset.info, bright) for field, sensor in _sensors(dataset.info)]
         self._views = [view for view in self._views if view.is_drawn]
         if not self._views:
             raise DatasetError(f"{dataset.root.name} has no camera, LiDAR or BEV to draw.")
@@ -125,6 +128,7 @@ def show_frames(
     count: int = 24,
     seed: int = 0,
     place: tuple[int, int] | None = None,
+    bright: bool = False,
     town_path: Sequence[Path] = (),
     watch: Callable[[float], None] | None = None,
 ) -> None:
@@ -136,23 +140,23 @@ def show_frames(
     """
     dataset = Dataset(data, town_path)
     if place is None:
-        image = draw_sheet(dataset, random_frames(dataset, count, seed), watch=watch)
+        image = draw_sheet(FramePainter(dataset, bright), random_frames(dataset, count, seed), watch=watch)
     else:
         try:
-            image = FramePainter(dataset).draw(*place, scale=2)
+            image = FramePainter(dataset, bright).draw(*place, scale=2)
         except IndexError as error:
             raise DatasetError(f"{data}: no frame {place[1]}: {error}.") from None
     write_output(picture, encode_png(image))
 
 
 def draw_sheet(
-    dataset: Dataset,
+    painter: FramePainter,
     frames: Sequence[tuple[int, int]],
     columns: int = 4,
     watch: Callable[[float], None] | None = None,
 ) -> Image:
     """(H, W, 3) blue, green, red: many frames (episode, frame) in a grid."""
-    painter, cells = FramePainter(dataset), []
+    cells = []
     for number, (episode, frame) in enumerate(frames):
         cells.append(painter.draw(episode, frame))
         if watch is not None:
@@ -182,8 +186,8 @@ def random_frames(dataset: Dataset, count: int, seed: int) -> list[tuple[int, in
 class _View:
     """One sensor of the suite and how its reading is drawn."""
 
-    def __init__(self, field: FieldSpec, sensor: Sensor, info: DatasetInfo) -> None:
-        self.field, self._sensor, self._info = field, sensor, info
+    def __init__(self, field: FieldSpec, sensor: Sensor, info: DatasetInfo, bright: bool) -> None:
+        self.field, self._sensor, self._info, self._bright = field, sensor, info, bright
 
     @property
     def is_drawn(self) -> bool:
@@ -198,6 +202,8 @@ class _View:
 
     def _camera(self, view: CameraView, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
         image = cv2.cvtColor(row[self.field.name], cv2.COLOR_RGB2BGR)
+        if self._bright and image.mean() < _DARK:
+            image = cv2.LUT(image, _LIGHTENED)
         # Five wide cameras fill a row; the telephoto is as wide as a map and a bit.
         wide = (_WIDTH // 5 if view.width <= view.height else _WIDE) * scale
         factor = wide / view.width

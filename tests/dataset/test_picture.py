@@ -101,9 +101,18 @@ def test_a_sheet_has_the_frames_that_its_seed_draws(recorded: Path) -> None:
     assert frames == sorted(frames)
     assert frames != random_frames(dataset, 4, seed=2)
     assert len(random_frames(dataset, 1000, seed=1)) == len(dataset)
-    cell = FramePainter(dataset).draw(*frames[0])
-    sheet = draw_sheet(dataset, frames, columns=2)
+    painter = FramePainter(dataset)
+    cell = painter.draw(*frames[0])
+    sheet = draw_sheet(painter, frames, columns=2)
     np.testing.assert_array_equal(sheet[: cell.shape[0], : cell.shape[1]], cell)
+
+
+def test_images_of_the_night_may_be_lightened(tmp_path: Path) -> None:
+    write_dataset(tmp_path, (2,))  # its images are one level: 0 in frame 0, 40 in frame 1
+    dataset = Dataset(tmp_path)
+    plain, bright = (FramePainter(dataset, bright).draw(0, 1).astype(int) for bright in (False, True))
+    assert (bright >= plain).all()
+    assert (bright != plain).any()
 
 
 def test_what_can_not_be_drawn_is_refused(tmp_path: Path) -> None:
