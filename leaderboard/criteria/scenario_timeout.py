@@ -13,7 +13,10 @@ from leaderboard.criteria.base import CRITERIA, Charge, Criterion, Infraction, p
 
 @CRITERIA.register("scenario_timeout")
 class ScenarioTimeout(Criterion):
-    """Fires once for a hazard with a timer of its own that is active for 240 s; the route goes on."""
+    """Fires once for a hazard with a timer of its own that is active for 240 s; the route goes on.
+
+    The hazard is taken away then, so it is shown in as many snapshots as 240 s have and the last of them fires.
+    """
 
     name = "scenario_timeout"
     order = 90
@@ -33,7 +36,7 @@ class ScenarioTimeout(Criterion):
         self._since = {index: self._since.get(index, snapshot.tick) for index in active}
         found = []
         for index, since in self._since.items():
-            if index not in self._fired and (snapshot.tick - since) * DT > self.longest:
+            if index not in self._fired and (snapshot.tick - since + 1) * DT >= self.longest:
                 self._fired.add(index)
                 text = f"Agent timed out a scenario: hazard {index} of the route"
                 found.append(Infraction("scenario_timeouts", snapshot.tick, place(snapshot), text))

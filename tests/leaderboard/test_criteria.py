@@ -403,7 +403,8 @@ def test_min_speed_compares_each_quarter_with_the_background_traffic() -> None:
 
 def test_scenario_timeout_fires_once_after_240_seconds() -> None:
     hazards = [(3, HAZARD_OWNS_TIMER)]
-    assert not drive(ScenarioTimeout(V20), still(240.0, hazards=hazards))
+    assert not drive(ScenarioTimeout(V20), still(240.0, hazards=hazards)[:4799])
+    assert len(drive(ScenarioTimeout(V20), still(240.0, hazards=hazards)[:4800])) == 1
     assert len(drive(ScenarioTimeout(V20), still(260.0, hazards=hazards))) == 1
 
 
