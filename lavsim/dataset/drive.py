@@ -81,7 +81,7 @@ def collect_episode(task: EpisodeTask, report: Callable[[Kept], None]) -> Episod
     with working(task.root):
         episode = task.plan.episode(task.number, task.town_path)
         try:
-            return _drive(task, episode, report)
+            return drive_episode(task.root, task.plan, episode, report)
         except (OSError, MemoryError, LavsimError):
             raise
         except Exception as error:  # ours: the episode is lost, the dataset is not
@@ -92,12 +92,16 @@ def collect_episode(task: EpisodeTask, report: Callable[[Kept], None]) -> Episod
             return record
 
 
-def _drive(task: EpisodeTask, episode: EpisodePlan, report: Callable[[Kept], None]) -> EpisodeRecord:
-    plan = task.plan
+def drive_episode(root: Path, plan: CollectPlan, episode: EpisodePlan, report: Callable[[Kept], None]) -> EpisodeRecord:
+    """Drives an episode to its end and puts its files into the folder; nothing is left of one that is cut off.
+
+    Raises:
+        AgentError: the agent can't be set up.
+    """
     simulation = Simulation(episode.spec)
     watched, handle = drivers(plan.agent_spec(), plan.noise, simulation.draws, lambda: simulation.snapshot.ego.speed)
-    writer = EpisodeWriter(task.root, task.number, _info(plan), watched, _log_extra(plan), _facts(episode))
-    observers: list[Observer] = [writer, DriveEnds(), _Reporter(task.number, writer, report)]
+    writer = EpisodeWriter(root, episode.number, _info(plan), watched, _log_extra(plan), _facts(episode))
+    observers: list[Observer] = [writer, DriveEnds(), _Reporter(episode.number, writer, report)]
     try:
         drive(simulation, handle, observers, episode.max_ticks)
     finally:

@@ -18,6 +18,7 @@ from lavsim.dataset import collect as collecting
 from lavsim.dataset import drive as driving
 from lavsim.dataset import folder
 from lavsim.dataset.collect import Collected, collect
+from lavsim.dataset.plan import CollectPlan, EpisodePlan
 from lavsim.dataset.record import EpisodeRecord
 from lavsim.dataset.tally import Progress, bytes_of
 from lavsim.errors import AgentError, LavsimError, OutputError
@@ -182,14 +183,14 @@ def disk_full_at_the_second(task: driving.EpisodeTask, report: Any) -> EpisodeRe
 
 
 def test_an_episode_that_crashes_is_an_empty_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drive = driving._drive
+    drive = driving.drive_episode
 
-    def fails_once(task: driving.EpisodeTask, *rest: Any) -> EpisodeRecord:
-        if task.number == 1:
+    def fails_once(root: Path, plan: CollectPlan, episode: EpisodePlan, report: Any) -> EpisodeRecord:
+        if episode.number == 1:
             raise ZeroDivisionError("in a hazard")
-        return drive(task, *rest)
+        return drive(root, plan, episode, report)
 
-    monkeypatch.setattr(driving, "_drive", fails_once)
+    monkeypatch.setattr(driving, "drive_episode", fails_once)
     made = collect(short_plan(frames=20), tmp_path / "data")
     assert [(r.frames, r.ending) for r in made.records] == [
         (12, "tick limit"), (0, "crashed: ZeroDivisionError: in a hazard"), (12, "tick limit"),
