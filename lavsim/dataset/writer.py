@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +68,7 @@ class EpisodeWriter:
         """Opens the files.
 
         Raises:
-            OSError: they can't be written; nothing is left of the episode.
+            OSError: they can't be written; what was begun is removed.
         """
         with self._writing():
             self._open(simulation)
@@ -77,7 +77,7 @@ class EpisodeWriter:
         """Keeps a tick; never ends the drive.
 
         Raises:
-            OSError: it can't be written; nothing is left of the episode.
+            OSError: it can't be written; what was begun is removed.
         """
         with self._writing():
             self._see(snapshot)
@@ -87,7 +87,7 @@ class EpisodeWriter:
         """Makes the episode exist, unless the drive was interrupted.
 
         Raises:
-            OSError: it can't be written; nothing is left of the episode.
+            OSError: it can't be written; what was begun is removed.
         """
         if result.ending == "interrupted":
             self.abandon()
@@ -96,9 +96,10 @@ class EpisodeWriter:
                 self._close(result)
 
     def abandon(self) -> None:
-        """Removes what was written."""
+        """Removes the files that were begun; those that have their names already stay, they may have been there."""
         if self._log is not None:
-            self._log.close()
+            with suppress(OSError):  # what it still held did not fit on the disk
+                self._log.close()
         partial_of(self._path("log")).unlink(missing_ok=True)
         if self._shard is not None:
             self._shard.abandon()
