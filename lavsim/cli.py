@@ -14,7 +14,17 @@ from typing import Any
 
 import typer
 
-from lavsim.commands import bench, collect, dataset, lists, routes, scenarios, score, show  # noqa: F401 - each registers its commands
+from lavsim.commands import (  # noqa: F401 - each registers its commands
+    bench,
+    collect,
+    dataset,
+    lists,
+    routes,
+    scenarios,
+    score,
+    show,
+    train,
+)
 from lavsim.commands.base import app
 from lavsim.errors import LavsimError
 

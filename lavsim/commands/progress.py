@@ -14,17 +14,19 @@ class Shares:
     def __enter__(self) -> Shares:
         from rich.console import Console
         from rich.progress import Progress as Bars
+        from rich.progress import TextColumn
 
-        self._bars = Bars(console=Console(stderr=True), transient=True)
+        columns = (*Bars.get_default_columns(), TextColumn("{task.fields[note]}"))
+        self._bars = Bars(*columns, console=Console(stderr=True), transient=True)
         self._tasks: dict[str, Any] = {}
         if self._bars.console.is_terminal:
             self._bars.start()
         return self
 
-    def update(self, name: str, share: float) -> None:
+    def update(self, name: str, share: float, note: str = "") -> None:
         if name not in self._tasks:
-            self._tasks[name] = self._bars.add_task(name, total=1.0)
-        self._bars.update(self._tasks[name], completed=share)
+            self._tasks[name] = self._bars.add_task(name, total=1.0, note=note)
+        self._bars.update(self._tasks[name], completed=share, note=note)
 
     def __exit__(self, *_: object) -> None:
         if self._bars.live.is_started:

@@ -26,7 +26,8 @@ class Embedding(nn.Module):
         self.network = ResNet(config.embedding, channels)
 
     def forward(self, windows: Tensor) -> Tensor:
-        vectors: Tensor = self.network(windows).mean(dim=(2, 3))
+        # Convolutions on CPUs are half again as fast with the channels last in memory.
+        vectors: Tensor = self.network(windows.contiguous(memory_format=torch.channels_last)).mean(dim=(2, 3))
         return vectors
 
 
