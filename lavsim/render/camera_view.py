@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
 from lavsim.random import Draws
-from lavsim.render.faces import DECK_FACE
 from lavsim.render.frame import Mount, Pose
 from lavsim.render.full import NO_MIRROR, Surroundings, is_wet, shade_full
 from lavsim.render.ground import TAG_OF_SURFACE
@@ -18,7 +17,7 @@ from lavsim.render.lamps import NO_LIGHT, add_glows, lamp_light, street_lamps, w
 from lavsim.render.look import Look, look_of
 from lavsim.render.paint import is_blink_on
 from lavsim.render.scene import Scene
-from lavsim.render.shade import BLOCK, cell_block, faces_of, ground_of, place_block, shade, surface_of
+from lavsim.render.shade import BLOCK, cell_block, faces_of, ground_of, place_block, shade, surface_below
 from lavsim.render.shadow import NO_SHADOWS, corner_of, has_shadows, static_shadows, with_actors
 from lavsim.render.tags import NEW_TAG, new_tags
 from lavsim.render.zbuffer import Pinhole, Visibility, draw_visibility
@@ -185,23 +184,15 @@ def _labels(  # type: ignore[no-untyped-def]
     return tags.reshape(height, width), instances.reshape(height, width)
 
 
-@kernel
+@lean_kernel
 def _label_block(  # type: ignore[no-untyped-def]
     face, inverse, place, cells, ground, tag_of_surface, tag_of_sky, tag, instance, tags, instances
 ):
-    classes, deck, x, y, columns, rows = ground.classes, ground.deck, place[0], place[1], cells[0], cells[1]
     for i in range(len(face)):
         f = face[i]
         if f >= 0:
             tags[i], instances[i] = tag[f], instance[f]
-            continue
-        instances[i] = 0
-        if inverse[i] <= np.float32(0.0):
-            tags[i] = tag_of_sky
-        elif f == DECK_FACE:
-            scale = 2.0 * ground.per_metre
-            surface = surface_of(deck, int(np.floor((x[i] - ground.deck_x) * scale)),
-                                 int(np.floor((y[i] - ground.deck_y) * scale)))  # fmt: skip
-            tags[i] = tag_of_surface[surface]
+        elif inverse[i] > np.float32(0.0):
+            tags[i], instances[i] = tag_of_surface[surface_below(i, f, place, cells, ground)], 0
         else:
-            tags[i] = tag_of_surface[surface_of(classes, columns[i], rows[i])]
+            tags[i], instances[i] = tag_of_sky, 0

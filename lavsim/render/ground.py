@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.cache import cache_dir, replace_atomically
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
 from lavsim.types import LaneType, Tag
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ _PLAIN_CODES, _ROAD = 16, int(Surface.ROAD)
 _FIRST_PAINT, _LAST_PAINT = int(Surface.CROSSWALK), int(Surface.YELLOW_BROKEN)
 
 
-@kernel
+@lean_kernel
 def surface_at(classes, x, y):  # type: ignore[no-untyped-def]
     """`Surface` at a place in cells (x along columns); terrain outside the raster."""
     column, row = int(np.floor(x)), int(np.floor(y))

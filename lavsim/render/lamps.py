@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
+from lavsim.render.inlined import inlined
 from lavsim.render.shadow import SPAN
 from lavsim.render.solids import Material, Solids
 from lavsim.types import Tag, VehicleLight
@@ -98,16 +99,16 @@ def _add_beams(light, actors, x0, y0):  # type: ignore[no-untyped-def]
                     light[row, column] += np.float32((1.0 - aside * aside) * near * 1.2)
 
 
-@kernel
+@inlined
 def light_at(light, x, y):  # type: ignore[no-untyped-def]
     """Light at a place from the corner of the grid, smooth between cells; 0 outside."""
     column, row = x * np.float32(1.0 / CELL) - np.float32(0.5), y * np.float32(1.0 / CELL) - np.float32(0.5)
-    j, i = int(np.floor(column)), int(np.floor(row))
-    if i < 0 or j < 0 or i + 1 >= light.shape[0] or j + 1 >= light.shape[1]:
-        return np.float32(0.0)
-    u, v, one = column - np.float32(j), row - np.float32(i), np.float32(1.0)
-    above = light[i, j] * (one - u) + light[i, j + 1] * u
-    below = light[i + 1, j] * (one - u) + light[i + 1, j + 1] * u
+    left, top, one, none = np.floor(column), np.floor(row), np.float32(1.0), np.float32(0.0)
+    if top < none or left < none or top >= light.shape[0] - 1 or left >= light.shape[1] - 1:
+        return none
+    u, v, j, i, next_to = column - left, row - top, np.uint64(left), np.uint64(top), np.uint64(1)
+    above = light[i, j] * (one - u) + light[i, j + next_to] * u
+    below = light[i + next_to, j] * (one - u) + light[i + next_to, j + next_to] * u
     return above * (one - v) + below * v
 
 
@@ -158,7 +159,7 @@ def add_glows(  # type: ignore[no-untyped-def]
                   origin, axes)  # fmt: skip
 
 
-@kernel
+@lean_kernel
 def _glow(  # type: ignore[no-untyped-def]
     pixels, face, inverse, face_solid, solid, x, y, z, size, colour, focal, origin, axes
 ):

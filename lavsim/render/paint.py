@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
 from lavsim.render.faces import TOP, UNDERSIDE
+from lavsim.render.inlined import inlined
 from lavsim.render.look import Swatch
 from lavsim.render.solids import Material
-from lavsim.render.texture import cell_noise
 from lavsim.types import DT, VehicleLight
 
 WALL, FOLIAGE, LAMP, BODY = int(Material.WALL), int(Material.FOLIAGE), int(Material.LAMP), int(Material.BODY)
@@ -20,7 +20,7 @@ GLASS, POSTER, PLAIN = int(Material.GLASS), int(Material.POSTER), int(Material.P
 _BRAKE, _LEFT, _RIGHT = int(VehicleLight.BRAKE), int(VehicleLight.LEFT_BLINKER), int(VehicleLight.RIGHT_BLINKER)
 POSITION = int(VehicleLight.POSITION | VehicleLight.LOW_BEAM | VehicleLight.HIGH_BEAM)
 SPECIAL = int(VehicleLight.SPECIAL1 | VehicleLight.SPECIAL2)
-OWN, _WINDOW, _LIT_WINDOW, _TYRE = int(Swatch.OWN), int(Swatch.WINDOW), int(Swatch.LIT_WINDOW), int(Swatch.TYRE)
+OWN, WINDOW, LIT_WINDOW, _TYRE = int(Swatch.OWN), int(Swatch.WINDOW), int(Swatch.LIT_WINDOW), int(Swatch.TYRE)
 _BRAKE_ON, _REAR_ON, _REAR_OFF = int(Swatch.BRAKE_ON), int(Swatch.REAR_ON), int(Swatch.REAR_OFF)
 _HEAD_ON, _HEAD_OFF, _GRILLE = int(Swatch.HEAD_ON), int(Swatch.HEAD_OFF), int(Swatch.GRILLE)
 _BLINKER, _FLASH, _PLATE, _BAND = int(Swatch.BLINKER), int(Swatch.FLASH), int(Swatch.PLATE), int(Swatch.BAND_1)
@@ -64,7 +64,7 @@ def face_table(face_solid, face_side, statics, actors, look, lights):  # type: i
     return table, material, side, state
 
 
-@kernel
+@lean_kernel
 def _fill_lamp(out, lit):  # type: ignore[no-untyped-def]
     """A signal lamp: its hue at full strength while lit, whatever the daylight."""
     brightest = max(out[RED], max(out[GREEN], max(out[BLUE], np.float32(1.0))))
@@ -75,7 +75,7 @@ def _fill_lamp(out, lit):  # type: ignore[no-untyped-def]
     out[GLOW] = LAMP_GLOW if lit else 0.0
 
 
-@kernel
+@lean_kernel
 def _fill_face(out, solids, k, side, look):  # type: ignore[no-untyped-def]
     nx, ny, nz, length = 0.0, 0.0, 0.0, 1.0
     x, y, tx, ty = 0.0, 0.0, 1.0, 0.0
@@ -108,35 +108,17 @@ def is_blink_on(tick: int) -> bool:
     return int(tick * (2.0 * BLINK_HERTZ * DT) + 1e-9) % 2 == 0
 
 
-@kernel
-def leaf_grain(x, y, z):  # type: ignore[no-untyped-def]
-    cell = int(np.floor(x * 2.5)) + 7919 * int(np.floor(z * 2.5))
-    return np.float32(0.22) * cell_noise(cell, int(np.floor(y * 2.5)))
-
-
-@kernel
-def wall_swatch(at, up, bays, storeys, seed, is_night):  # type: ignore[no-untyped-def]
-    """Rows of windows over `bays` [m] along and `storeys` [m] up; some are lit at night."""
-    if at < 0.0 or at >= bays or up < 0.0 or up >= storeys:
-        return OWN
-    bay, storey = np.int32(at * np.float32(1.0 / BAY)), np.int32(up * np.float32(1.0 / STOREY))
-    across, high = at - bay * np.float32(BAY), up - storey * np.float32(STOREY)
-    if not (0.75 < across < 2.25 and 0.95 < high < 2.5):
-        return OWN
-    return _LIT_WINDOW if is_night and cell_noise(seed + bay, storey) > 0.4 else _WINDOW
-
-
-@kernel
+@inlined
 def panel_swatch(along, share, length, kind):  # type: ignore[no-untyped-def]
     """Windows of a cabin with their pillars, or the bands of a lit poster."""
     edge = min(along, length - along)
     if kind == POSTER:
         return _BAND + int(share * 7.0) % 3 if edge > 0.08 and 0.12 < share < 0.92 else OWN
     pillar = length > 2.0 and along % 1.2 < 0.09
-    return _WINDOW if 0.1 < share < 0.8 and edge > 0.07 and not pillar else OWN
+    return WINDOW if 0.1 < share < 0.8 and edge > 0.07 and not pillar else OWN
 
 
-@kernel
+@inlined
 def body_swatch(along, up, length, tall, side, state, blink):  # type: ignore[no-untyped-def]
     """Lamps, grille and plate of a vehicle's front and rear, and its wheels on the sides."""
     edge = min(along, length - along)

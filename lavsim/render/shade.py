@@ -16,8 +16,11 @@ from lavsim.kernel_draws import draw_at, draw_base
 from lavsim.random import Draws
 from lavsim.render.faces import DECK_FACE
 from lavsim.render.frame import Pose
+from lavsim.render.ground import surface_at
+from lavsim.render.inlined import inlined
 from lavsim.render.look import SKY_STEPS, Look
 from lavsim.render.paint import (
+    BAY,
     BAYS,
     BLUE,
     BODY,
@@ -25,6 +28,7 @@ from lavsim.render.paint import (
     GLOW,
     GREEN,
     LENGTH,
+    LIT_WINDOW,
     MARGIN,
     OWN,
     PATTERN_RANGE,
@@ -33,18 +37,18 @@ from lavsim.render.paint import (
     SEED,
     START_X,
     START_Y,
+    STOREY,
     STOREYS,
     TANGENT_X,
     TANGENT_Y,
     WALL,
+    WINDOW,
     Z0,
     Z1,
     body_swatch,
     face_table,
     is_blink_on,
-    leaf_grain,
     panel_swatch,
-    wall_swatch,
 )  # fmt: skip
 from lavsim.render.solids import Solids
 from lavsim.render.terrain import Terrain
@@ -55,7 +59,8 @@ _NOISE_LENGTH, _LONGEST_ROW = 1 << 16, 8192
 NOISE_UNIT = 32.0  # entries of the noise table a standard deviation
 _GRAIN_RANGE = 30.0  # [m] beyond which grain, smaller than a pixel, fades
 BLOCK = 4096  # [px] that go through the loops together, so that they stay in the nearest memory
-_TEXEL = 2  # cells of ground a grain
+_GRAIN = 0.2  # [m] side of a grain
+PADDING = 32  # [px] the loops over short runs of pixels go on for whole vectors
 
 
 class PaintedFaces(NamedTuple):
@@ -68,9 +73,11 @@ class PaintedFaces(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """Rasters of the ground and of bridges' decks, and where their first cells begin [m]."""
+    """Rasters of the ground (row by row) and of bridges' decks, and where their first cells begin [m]."""
 
     classes: NDArray[np.uint8]
+    rows: int
+    columns: int
     x: float
     y: float
     deck: NDArray[np.uint8]
@@ -82,9 +89,10 @@ class Ground(NamedTuple):
 def ground_of(terrain: Terrain) -> Ground:
     """The rasters of a terrain."""
     ground, deck = terrain.raster, terrain.deck_raster
+    rows, columns = ground.classes.shape
     return Ground(
-        ground.classes, float(ground.origin[0]), float(ground.origin[1]), deck.classes, float(deck.origin[0]),
-        float(deck.origin[1]), 1.0 / ground.resolution,
+        ground.classes.reshape(-1), rows, columns, float(ground.origin[0]), float(ground.origin[1]), deck.classes,
+        float(deck.origin[0]), float(deck.origin[1]), 1.0 / ground.resolution,
     )  # fmt: skip
 
 
@@ -140,14 +148,14 @@ def _shade(  # type: ignore[no-untyped-def]
     height, width = face.shape
     pixels = np.empty(height * width, np.uint32)
     rows = max(1, BLOCK // width)
-    place, paint = np.empty((4, rows * width), np.float32), np.empty((4, rows * width), np.float32)
+    place, paint = np.ones((4, rows * width + PADDING), np.float32), np.empty((5, rows * width + PADDING), np.float32)
     cells, grain = np.empty((2, rows * width), np.int32), np.empty(rows * width, np.float32)
     face, inverse, base = face.ravel(), inverse_depth.ravel(), draw_base(key, tick)
     for row in range(0, height, rows):
         begin, end = row * width, min(row + rows, height) * width
         place_block(inverse[begin:end], row, width, height, focal, origin, axes, place)
         cell_block(end - begin, place, ground, cells)
-        _grain_block(end - begin, cells, place[2], grain)
+        _grain_block(end - begin, place, grain)
         _colour_block(face[begin:end], inverse[begin:end], width, origin[2], axes[2, 1] == 0.0, place, cells, grain,
                       ground, look, faces, blink, paint)  # fmt: skip
         if headlights[3] > 0.0:
@@ -181,139 +189,200 @@ def place_block(inverse, first_row, width, height, focal, origin, axes, place): 
 
 @lean_kernel
 def cell_block(count, place, ground, cells):  # type: ignore[no-untyped-def]
-    """Half cells of the ground raster under pixels."""
-    x, y, column_of, row_of = place[0], place[1], cells[0], cells[1]
+    """Cells of the ground raster under pixels, -1 outside of it, and the quarters of them."""
+    x, y, cell_of, quarter_of = place[0], place[1], cells[0], cells[1]
     corner_x, corner_y = np.float32(ground.x), np.float32(ground.y)
-    scale = np.float32(2.0 * ground.per_metre)
+    scale, rows, columns = np.float32(2.0 * ground.per_metre), np.int32(ground.rows), np.int32(ground.columns)
     for i in range(count):
-        column_of[i] = np.int32(np.floor((x[i] - corner_x) * scale))
-        row_of[i] = np.int32(np.floor((y[i] - corner_y) * scale))
+        half_x = np.int32(np.floor((x[i] - corner_x) * scale))
+        half_y = np.int32(np.floor((y[i] - corner_y) * scale))
+        column, row = half_x >> np.int32(1), half_y >> np.int32(1)
+        inside = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        cell_of[i] = row * columns + column if inside else np.int32(-1)
+        quarter_of[i] = (half_x & np.int32(1)) + np.int32(2) * (half_y & np.int32(1))
 
 
 @lean_kernel
-def _grain_block(count, cells, depth, grain):  # type: ignore[no-untyped-def]
+def _grain_block(count, place, grain):  # type: ignore[no-untyped-def]
     """Grain of the ground, -1 to 1, weaker far away."""
-    column_of, row_of = cells[0], cells[1]
-    reach, one = np.float32(_GRAIN_RANGE), np.float32(1.0)
+    x, y, depth = place[0], place[1], place[2]
+    scale, reach, one = np.float32(1.0 / _GRAIN), np.float32(_GRAIN_RANGE), np.float32(1.0)
     for i in range(count):
-        grain[i] = cell_noise(column_of[i] >> _TEXEL, row_of[i] >> _TEXEL) * min(one, reach / depth[i])
+        speck = cell_noise(np.int32(np.floor(x[i] * scale)), np.int32(np.floor(y[i] * scale)))
+        grain[i] = speck * min(one, reach / depth[i])
 
 
-@lean_kernel
-def surface_of(classes, column, row):  # type: ignore[no-untyped-def]
-    """`Surface` at a half cell; terrain outside the raster. As `surface_at`."""
-    i, j = row >> 1, column >> 1
-    if i < 0 or j < 0 or i >= classes.shape[0] or j >= classes.shape[1]:
+@inlined
+def surface_of(classes, cell, quarter):  # type: ignore[no-untyped-def]
+    """`Surface` at a quarter of a cell; terrain outside the raster. As `surface_at`."""
+    if cell < 0:
         return 0
-    cell = int(classes[i, j])
-    if cell < 16:
-        return cell
-    quarter = (column & 1) + 2 * (row & 1)
-    return 1 if (cell >> (4 + quarter)) & 1 else cell & 15
+    value = int(classes[cell])
+    if value < 16:
+        return value
+    return 1 if (value >> (4 + quarter)) & 1 else value & 15
+
+
+@inlined
+def surface_below(i, f, place, cells, ground):  # type: ignore[no-untyped-def]
+    """`Surface` that a pixel without a face shows: the ground's, or that of a bridge's deck."""
+    if f == DECK_FACE:
+        x, y = place[0, i] - ground.deck_x, place[1, i] - ground.deck_y
+        return int(surface_at(ground.deck, x * ground.per_metre, y * ground.per_metre))
+    return surface_of(ground.classes, cells[0, i], cells[1, i])
+
+
+@inlined
+def run_end(face, inverse, begin, limit):  # type: ignore[no-untyped-def]
+    """Where the pixels end that show the same as the one at `begin`: a face, the ground, or the sky.
+
+    Here and in the loops over runs, pixels are counted by unsigned numbers: signed ones, which could count from an
+    array's back, keep the compiler from working on several pixels at a time.
+    """
+    f, end, limit = face[begin], np.uint64(begin), np.uint64(limit)
+    if f >= 0:
+        while end < limit and face[end] == f:
+            end += np.uint64(1)
+    elif inverse[begin] > np.float32(0.0):
+        while end < limit and face[end] == f and inverse[end] > np.float32(0.0):
+            end += np.uint64(1)
+    else:
+        while end < limit and face[end] < 0 and inverse[end] <= np.float32(0.0):
+            end += np.uint64(1)
+    return np.int64(end)
 
 
 @lean_kernel
 def _colour_block(  # type: ignore[no-untyped-def]
     face, inverse, width, height, is_level, place, cells, grain, ground, look, faces, blink, paint
 ):
-    """Lit colours of pixels, and how much of each shines through fog."""
-    one, none, is_night = np.float32(1.0), np.float32(0.0), look.night > 0.5
-    # Each use of an array out of a tuple counts a reference, so they are taken out once.
-    classes, deck, colours, sky, swatches = ground.classes, ground.deck, look.ground, look.sky, look.swatches
-    table, material, side, state = faces.table, faces.material, faces.side, faces.state
-    x, y, depth, rise, columns, rows = place[0], place[1], place[2], place[3], cells[0], cells[1]
-    red_of, green_of, blue_of, glow_of = paint[0], paint[1], paint[2], paint[3]
-    eye, done = np.float32(height), 0
-    for i in range(len(face)):
-        if i < done:
-            continue
-        f = face[i]
+    """Lit colours of pixels, and how much of each shines through fog: run by run of what they show."""
+    i = 0
+    while i < len(face):
+        begin, f = i, face[i]
         if f >= 0:
-            red, green, blue, glow = table[f, RED], table[f, GREEN], table[f, BLUE], table[f, GLOW]
-            kind = material[f]
-            if kind == PLAIN:
-                done = _repeat(face, inverse, i, len(face), red, green, blue, glow, red_of, green_of, blue_of, glow_of)
-                continue
+            i = run_end(face, inverse, begin, len(face))
+            paint_face(begin, i, f, height, place, faces, look, blink, paint)
+            if faces.material[f] == FOLIAGE:
+                _grow_leaves(begin, i, height, place, paint)
+        elif inverse[i] > np.float32(0.0):
+            i = run_end(face, inverse, begin, len(face))
+            _paint_ground(begin, i, f, place, cells, grain, ground, look, paint)
+        else:  # a row of a level picture shows one colour of the sky
+            i = run_end(face, inverse, begin, (begin // width + 1) * width if is_level else begin + 1)
+            level = sky_level(place[3, begin])
+            _fill(begin, i, look.sky[level, 0], look.sky[level, 1], look.sky[level, 2], np.float32(1.0), paint)
+
+
+@inlined
+def sky_level(rise):  # type: ignore[no-untyped-def]
+    """Row of the table of the sky."""
+    return int(min(max(rise, np.float32(0.0)), np.float32(1.0)) * np.float32(SKY_STEPS - 1))
+
+
+@inlined
+def _fill(begin, end, red, green, blue, glow, paint):  # type: ignore[no-untyped-def]
+    """One colour; each loop writes one array, so that none is checked for overlaps."""
+    red_of, green_of, blue_of, glow_of = paint[0], paint[1], paint[2], paint[3]
+    for n in range(np.uint64(begin), np.uint64(end)):
+        red_of[n] = red
+    for n in range(np.uint64(begin), np.uint64(end)):
+        green_of[n] = green
+    for n in range(np.uint64(begin), np.uint64(end)):
+        blue_of[n] = blue
+    for n in range(np.uint64(begin), np.uint64(end)):
+        glow_of[n] = glow
+
+
+@inlined
+def _paint_ground(begin, end, f, place, cells, grain, ground, look, paint):  # type: ignore[no-untyped-def]
+    colours, red_of, green_of, blue_of, glow_of = look.ground, paint[0], paint[1], paint[2], paint[3]
+    for n in range(np.uint64(begin), np.uint64(end)):
+        surface = surface_below(n, f, place, cells, ground)
+        light = np.float32(1.0) + colours[surface, 6] * grain[n]
+        red_of[n], green_of[n] = colours[surface, 0] * light, colours[surface, 1] * light
+        blue_of[n], glow_of[n] = colours[surface, 2] * light, np.float32(0.0)
+
+
+@inlined
+def paint_face(begin, end, f, eye, place, faces, look, blink, paint):  # type: ignore[no-untyped-def]
+    """Colours of the pixels `begin` to `end`, which show face `f`, by the rule of its material."""
+    table, kind = faces.table, faces.material[f]
+    if kind == WALL:
+        _open_windows(begin, end, table[f], np.float32(eye), place, look, paint)
+        return
+    _fill(begin, end, table[f, RED], table[f, GREEN], table[f, BLUE], table[f, GLOW], paint)
+    if kind != PLAIN and kind != FOLIAGE:
+        for n in range(np.uint64(begin), np.uint64(end)):
+            along, high = along_face(n, table[f], place), np.float32(eye) + place[2, n] * place[3, n] - table[f, Z0]
+            tall, length = table[f, Z1] - table[f, Z0], table[f, LENGTH]
+            if kind == BODY:
+                swatch = body_swatch(along, high, length, tall, faces.side[f], faces.state[f], blink)
             else:
-                z = eye + depth[i] * rise[i]
-                if kind == FOLIAGE:
-                    leaf = one + leaf_grain(x[i], y[i], z) * min(one, np.float32(40.0) / depth[i])
-                    red, green, blue = red * leaf, green * leaf, blue * leaf
-                else:
-                    along = (x[i] - table[f, START_X]) * table[f, TANGENT_X]
-                    along += (y[i] - table[f, START_Y]) * table[f, TANGENT_Y]
-                    high, tall, length = z - table[f, Z0], table[f, Z1] - table[f, Z0], table[f, LENGTH]
-                    share = one
-                    if kind == WALL:
-                        swatch = wall_swatch(along - table[f, MARGIN], high, table[f, BAYS], table[f, STOREYS],
-                                             int(table[f, SEED]), is_night)  # fmt: skip
-                        share = max(none, one - depth[i] * np.float32(1.0 / PATTERN_RANGE))
-                    elif kind == BODY:
-                        swatch = body_swatch(along, high, length, tall, side[f], state[f], blink)
-                    else:
-                        swatch = panel_swatch(along, high / max(tall, np.float32(0.01)), length, kind)
-                    if swatch != OWN:
-                        glow = swatches[swatch, 3]
-                        red += (swatches[swatch, 0] - red) * share
-                        green += (swatches[swatch, 1] - green) * share
-                        blue += (swatches[swatch, 2] - blue) * share
-        elif inverse[i] > none:
-            if f == DECK_FACE:
-                scale = 2.0 * ground.per_metre
-                surface = surface_of(deck, int(np.floor((x[i] - ground.deck_x) * scale)),
-                                     int(np.floor((y[i] - ground.deck_y) * scale)))  # fmt: skip
-            else:
-                surface = surface_of(classes, columns[i], rows[i])
-            light = one + colours[surface, 6] * grain[i]
-            red, green, blue = colours[surface, 0] * light, colours[surface, 1] * light, colours[surface, 2] * light
-            glow = none
-        else:
-            level = int(min(max(rise[i], none), one) * np.float32(SKY_STEPS - 1))
-            red, green, blue, glow = sky[level, 0], sky[level, 1], sky[level, 2], one
-            if is_level:
-                done = _repeat(
-                    face,
-                    inverse,
-                    i,
-                    (i // width + 1) * width,
-                    red,
-                    green,
-                    blue,
-                    glow,
-                    red_of,
-                    green_of,
-                    blue_of,
-                    glow_of,
-                )
-                continue
-        red_of[i], green_of[i], blue_of[i], glow_of[i] = red, green, blue, glow
+                swatch = panel_swatch(along, high / max(tall, np.float32(0.01)), length, kind)
+            if swatch != OWN:
+                for c in range(4):
+                    paint[c, n] = look.swatches[swatch, c]
 
 
-@lean_kernel
-def _repeat(  # type: ignore[no-untyped-def]
-    face, inverse, begin, limit, red, green, blue, glow, red_of, green_of, blue_of, glow_of
-):
-    """Gives one colour to the pixels from `begin` on that show the same face, or the sky; where they end."""
-    length, f = limit - begin, face[begin]
-    face, inverse = face[begin:], inverse[begin:]
-    count = 1
-    if f >= 0:
-        while count < length and face[count] == f:
-            count += 1
-    else:
-        while count < length and inverse[count] <= np.float32(0.0):
-            count += 1
-    _fill(red_of[begin:], red, count)
-    _fill(green_of[begin:], green, count)
-    _fill(blue_of[begin:], blue, count)
-    _fill(glow_of[begin:], glow, count)
-    return begin + count
+@inlined
+def along_face(n, row, place):  # type: ignore[no-untyped-def]
+    """How far along the face of a row of the table a pixel lies [m]."""
+    return (place[0, n] - row[START_X]) * row[TANGENT_X] + (place[1, n] - row[START_Y]) * row[TANGENT_Y]
 
 
-@lean_kernel
-def _fill(values, value, count):  # type: ignore[no-untyped-def]
-    for i in range(count):
-        values[i] = value
+@inlined
+def _open_windows(begin, end, row, eye, place, look, paint):  # type: ignore[no-untyped-def]
+    """Rows of windows in a wall, fainter far away; some are lit at night. Several pixels at a time."""
+    x, y, depth, rise, pane_of = place[0], place[1], place[2], place[3], paint[4]
+    start_x, start_y, tangent_x, tangent_y = row[START_X], row[START_Y], row[TANGENT_X], row[TANGENT_Y]
+    margin, low, bays, storeys, seed = row[MARGIN], row[Z0], row[BAYS], row[STOREYS], np.int32(row[SEED])
+    one, none, bright = np.float32(1.0), np.float32(0.0), np.float32(0.4 if look.night > 0.5 else 2.0)
+    for n in range(np.uint64(begin), np.uint64(padded(begin, end))):
+        along = (x[n] - start_x) * tangent_x + (y[n] - start_y) * tangent_y - margin
+        high = eye + depth[n] * rise[n] - low
+        bay, storey = np.int32(along * np.float32(1.0 / BAY)), np.int32(high * np.float32(1.0 / STOREY))
+        across, up = along - np.float32(bay) * np.float32(BAY), high - np.float32(storey) * np.float32(STOREY)
+        opens = (along >= none) & (along < bays) & (high >= none) & (high < storeys)
+        opens &= (across > np.float32(0.75)) & (across < np.float32(2.25))
+        opens &= (up > np.float32(0.95)) & (up < np.float32(2.5))
+        share = max(none, one - depth[n] * np.float32(1.0 / PATTERN_RANGE)) if opens else none
+        pane_of[n] = -share if cell_noise(seed + bay, storey) > bright else share
+    dark, lit = look.swatches[WINDOW], look.swatches[LIT_WINDOW]
+    for c in range(3):
+        _blend(begin, end, row[RED + c], dark[c], lit[c], pane_of, paint[c])
+    _blend(begin, end, none, none, lit[3], pane_of, paint[3])
+
+
+@inlined
+def padded(begin, end):  # type: ignore[no-untyped-def]
+    """An end that makes whole steps of vectors; the runs that follow overwrite what is too much."""
+    return begin + ((end - begin + PADDING - 1) & -PADDING)
+
+
+@inlined
+def _blend(begin, end, own, dark, lit, pane_of, colour_of):  # type: ignore[no-untyped-def]
+    none = np.float32(0.0)
+    for n in range(np.uint64(begin), np.uint64(padded(begin, end))):
+        share = pane_of[n]
+        other = (lit if share < none else dark) - own
+        colour_of[n] = own + other * abs(share)
+
+
+@inlined
+def _grow_leaves(begin, end, eye, place, paint):  # type: ignore[no-untyped-def]
+    """Leaves of lighter and darker green, fainter far away."""
+    x, y, depth, rise, leaf_of = place[0], place[1], place[2], place[3], paint[4]
+    eye, one, size = np.float32(eye), np.float32(1.0), np.float32(2.5)
+    for n in range(np.uint64(begin), np.uint64(end)):
+        z = eye + depth[n] * rise[n]
+        cell = np.int32(np.floor(x[n] * size)) + np.int32(7919) * np.int32(np.floor(z * size))
+        fade = np.float32(0.22) * min(one, np.float32(40.0) / depth[n])
+        leaf_of[n] = one + cell_noise(cell, np.int32(np.floor(y[n] * size))) * fade
+    for c in range(3):
+        colour_of = paint[c]
+        for n in range(np.uint64(begin), np.uint64(end)):
+            colour_of[n] *= leaf_of[n]
 
 
 @lean_kernel

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.kernel import kernel
+from lavsim.kernel import kernel, lean_kernel
+from lavsim.render.inlined import inlined
 from lavsim.render.look import Look
 from lavsim.render.solids import Solids
 
@@ -105,7 +106,7 @@ def _cast(grid, x0, y0, slope_x, slope_y, solids):  # type: ignore[no-untyped-de
         _raise_polygon(grid, outline, n)
 
 
-@kernel
+@lean_kernel
 def _raise_polygon(grid, outline, n):  # type: ignore[no-untyped-def]
     """Raises the cells whose centres lie in a convex polygon (x, y, height) to the plane through its corners."""
     ux, uy, uz = outline[1, 0] - outline[0, 0], outline[1, 1] - outline[0, 1], outline[1, 2] - outline[0, 2]
@@ -134,23 +135,19 @@ def _raise_polygon(grid, outline, n):  # type: ignore[no-untyped-def]
             grid[row, column] = max(grid[row, column], height)
 
 
-@kernel
+@inlined
 def sun_share(height, corner_x, corner_y, slope_x, slope_y, x, y, z):  # type: ignore[no-untyped-def]
     """Share of the sun that reaches a point, soft over a cell; 1 outside the grid."""
     column = (x - slope_x * z - corner_x) * np.float32(1.0 / CELL) - np.float32(0.5)
     row = (y - slope_y * z - corner_y) * np.float32(1.0 / CELL) - np.float32(0.5)
-    j, i = int(np.floor(column)), int(np.floor(row))
-    if i < 0 or j < 0 or i + 1 >= height.shape[0] or j + 1 >= height.shape[1]:
-        return np.float32(1.0)
-    u, v, one = column - np.float32(j), row - np.float32(i), np.float32(1.0)
-    limit = (z + np.float32(_BIAS)) * np.float32(_UNIT)
-    share = np.float32(0.0)
-    if height[i, j] <= limit:
-        share += (one - u) * (one - v)
-    if height[i, j + 1] <= limit:
-        share += u * (one - v)
-    if height[i + 1, j] <= limit:
-        share += (one - u) * v
-    if height[i + 1, j + 1] <= limit:
-        share += u * v
+    left, above = np.floor(column), np.floor(row)
+    one, none = np.float32(1.0), np.float32(0.0)
+    if above < none or left < none or above >= height.shape[0] - 1 or left >= height.shape[1] - 1:
+        return one
+    u, v, j, i, next_to = column - left, row - above, np.uint64(left), np.uint64(above), np.uint64(1)
+    limit = np.int32(np.floor((z + np.float32(_BIAS)) * np.float32(_UNIT)))
+    share = (one - u) * (one - v) if height[i, j] <= limit else none
+    share += u * (one - v) if height[i, j + next_to] <= limit else none
+    share += (one - u) * v if height[i + next_to, j] <= limit else none
+    share += u * v if height[i + next_to, j + next_to] <= limit else none
     return share
