@@ -7,32 +7,20 @@ depends on the dataset's content alone: no clock, no path, no name of a folder.
 from __future__ import annotations
 
 import json
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from lavsim.dataset.codecs import find_codec
 from lavsim.dataset.files import read_sealed, write_file
 from lavsim.dataset.folder import CARD, PLAN
 from lavsim.dataset.info import Summary, summarise
-from lavsim.dataset.noise import ControlNoise
-from lavsim.dataset.plan import PLAN_SCHEMA, CollectPlan
+from lavsim.dataset.plan import PLAN_KEY, PLAN_SCHEMA, CollectPlan
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.schema import FILES, SCHEMA_VERSION, TICKS_PER_FRAME, FieldSpec
 from lavsim.dataset.stats import QUANTITIES
 from lavsim.types import DT
 
 LICENCE = "mit"  # that of the simulator, which owes nothing to others' assets
-_PLAN_KEY = "plan_schema"
-_ALWAYS = ("towns", "frames", "seed")
-_RANGES = ("vehicles", "walkers", "length")
-_OPTIONS = {
-    "towns": "--towns", "frames": "--frames", "seed": "--seed", "weathers": "--weathers", "traffic": "--traffic",
-    "vehicles": "--vehicles", "walkers": "--walkers", "hazards": "--hazards", "hazards_per_km": "--hazards-per-km",
-    "length": "--length", "suite": "--sensors", "look": "--look", "agent": "--agent", "agent_config": "--agent-config",
-    "log_only": "--log-only",
-}  # fmt: skip
 _SIZES = (
     (1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"),
     (10_000_000, "1M<n<10M"),
@@ -116,42 +104,15 @@ def _making(summary: Summary) -> str:
     info, path = dataset.info, dataset.root / PLAN
     lines = ["## How it was made", ""]
     if path.exists():
-        plan = read_sealed(path, _PLAN_KEY, PLAN_SCHEMA)["plan"]
-        lines += ["```", _command(plan), "```", "", "Its plan, of which every episode is a pure function:", ""]
+        plan = read_sealed(path, PLAN_KEY, PLAN_SCHEMA)["plan"]
+        command = f"{CollectPlan.from_json(plan).command()} --out DATA"
+        lines += ["```", command, "```", "", "Its plan, of which every episode is a pure function:", ""]
         lines += ["```json", json.dumps(plan, indent=1, sort_keys=True), "```", ""]
     elif info.config:
         lines += ["```json", json.dumps(dict(info.config), indent=1, sort_keys=True), "```", ""]
     versions = ", ".join(f"{name} {version}" for name, version in sorted(info.versions.items()))
     lines += [f"Seed {info.seed}. Versions: {versions or 'not told'}.", ""]
     return "\n".join(lines)
-
-
-def _command(plan: Mapping[str, Any]) -> str:
-    """The command that makes the dataset again; what is at its default is left out."""
-    default = CollectPlan(towns=("any",), frames=1).to_json()
-    words = ["lavsim", "collect", "--out", "DATA"]
-    for name, value in plan.items():
-        if name != "schema" and (name in _ALWAYS or value != default.get(name)):
-            words += _option(name, value)
-    return " ".join(shlex.quote(word) for word in words)
-
-
-def _option(name: str, value: Any) -> list[str]:
-    """A field of the plan as an option of `lavsim collect`, or as `--set` where it has none."""
-    option = _OPTIONS.get(name)
-    if name == "noise":
-        plain = ControlNoise().model_dump()
-        changed = [f"noise.{key}={json.dumps(one)}" for key, one in value.items() if one != plain.get(key)]
-        return ["--noise", *(word for text in changed for word in ("--set", text))]
-    if option is None:
-        return ["--set", f"{name}={json.dumps(value)}"]
-    if isinstance(value, bool):
-        return [option]
-    if name in _RANGES:
-        return [option, "-".join(f"{one:g}" for one in value)]
-    if isinstance(value, list):
-        return [option, ",".join(map(str, value)) or "none"]
-    return [option, f"{value:g}" if isinstance(value, float) else str(value)]
 
 
 def _numbers(summary: Summary) -> str:

@@ -78,9 +78,8 @@ def _watched(frames: Iterator[LavFrame], done: int, total: int, watch: Watch | N
 def _frames(dataset: Dataset, episode: int, piece: range) -> Iterator[LavFrame]:
     table, layers = dataset.table(episode), _layers(dataset)
     steer = _steer(table)
-    jpegs = (
-        {field.name for field in dataset.info.blobs if field.codec.startswith("jpeg")} if dataset.has_blobs else set()
-    )
+    # Packing a JPEG twice would blur it, so colours go as they are.
+    jpegs = {field.name for field in dataset.info.blobs if field.codec.startswith("jpeg")}
     for frame in piece:
         values = dataset.read(episode, frame, [name for name in _READINGS if name not in jpegs])
         packed = {name: dataset.encoded(episode, frame, name) for name in _READINGS if name in jpegs}

@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from lavsim.dataset.card import LICENCE
 from lavsim.dataset.files import write_file
 from lavsim.dataset.merge import Watch, new_folder
 from lavsim.dataset.reader import Dataset
@@ -57,6 +58,7 @@ def export_webdataset(
         writer.close()
         about = _about(dataset, blobs, writer.shards)
         write_file(root / "dataset.json", (json.dumps(about, indent=1, sort_keys=True) + "\n").encode())
+        write_file(root / "README.md", _card(about).encode())
     return about
 
 
@@ -74,22 +76,18 @@ def _sample(dataset: Dataset, episode: int, frame: int, blobs: Sequence[FieldSpe
     row = dataset.table(episode).row(frame)
     text = json.dumps({name: _plain(value) for name, value in row.items()}, allow_nan=False)
     files = {_TABLE: text.encode()}
-    decoded = [field for field in blobs if not (_is_jpeg(field) and dataset.has_blobs)]
+    decoded = [field for field in blobs if not _is_jpeg(field)]
     values = dataset.read(episode, frame, [field.name for field in decoded]) if decoded else {}
     for field in blobs:
-        if field.name not in values:
-            files[_member(field)] = dataset.encoded(episode, frame, field.name)  # as it is: packing twice would blur it
-        else:
+        if field.name in values:
             files[_member(field)] = _packed(field, values[field.name])
+        else:
+            files[_member(field)] = dataset.encoded(episode, frame, field.name)  # as it is: packing twice would blur it
     return dict(sorted(files.items()))
 
 
 def _packed(field: FieldSpec, value: Any) -> bytes:
     suffix = _member(field).rpartition(".")[2]
-    if suffix == "jpg":
-        from lavsim.dataset.codecs import find_codec
-
-        return find_codec(field.codec).encode(value)
     if suffix == "png":
         done, data = cv2.imencode(".png", value)
         if not done:
@@ -137,3 +135,18 @@ def _about(dataset: Dataset, blobs: Sequence[FieldSpec], shards: int) -> dict[st
         "sensors": [dict(values) for values in dataset.info.record.suite],
         "versions": dict(dataset.info.versions),
     }
+
+
+def _card(about: dict[str, Any]) -> str:
+    readings = "\n".join(
+        f"* `{name}`: {entry['dtype']} {' x '.join(map(str, entry['shape']))}, {entry['about']}"
+        for name, entry in sorted(about["readings"].items())
+    )
+    return (
+        f"---\nlicense: {LICENCE}\ntask_categories:\n- robotics\ntags:\n- webdataset\n- lavsim\n"
+        "- autonomous-driving\nconfigs:\n- config_name: default\n  data_files: shard-*.tar\n---\n\n"
+        f"# Driving demonstrations of lavsim\n\n{about['samples']} frames as WebDataset shards, `{about['shards']}`, "
+        "in the order of the drives. A sample's key is EPISODE_FRAME; its members:\n\n"
+        "* `json`: the frame's row: ego, guidance, labels, all actors; `dataset.json` says what each entry is\n"
+        f"{readings}\n"
+    )

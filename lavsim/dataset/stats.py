@@ -222,13 +222,16 @@ class _Actors:
 
     def seen(self) -> NDArray[np.int64]:
         rings = np.zeros((round(_REACH / _RING), 2), np.int64)
-        if "actor_lidar_hits" not in self._columns:
+        counts = [self._columns[name] for name in ("actor_lidar_hits", "actor_pixels") if name in self._columns]
+        if not counts:
             return rings
-        was_seen = self._columns["actor_lidar_hits"].values[self._others] > 0
-        was_seen |= (self._columns["actor_pixels"].values[self._others] > 0).any(axis=1)
+        was_seen = np.zeros(len(self._kind), bool)
+        for column in counts:
+            values = column.values[self._others]
+            was_seen |= (values > 0).any(axis=1) if values.ndim > 1 else values > 0
         ring = np.minimum(self._distance / _RING, len(rings) - 1).astype(np.int64)
-        for column, chosen in enumerate((self._is_vehicle & was_seen, self._is_vehicle)):
-            rings[:, column] = np.bincount(ring[chosen], minlength=len(rings))
+        for place, chosen in enumerate((self._is_vehicle & was_seen, self._is_vehicle)):
+            rings[:, place] = np.bincount(ring[chosen], minlength=len(rings))
         return rings
 
     def classes(self) -> dict[str, int]:

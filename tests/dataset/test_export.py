@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import tarfile
 from pathlib import Path
 
@@ -25,6 +26,9 @@ def test_samples_hold_what_the_dataset_does(tmp_path: Path) -> None:
     about = export_webdataset(tmp_path / "d", tmp_path / "w")
     assert (about["shards"], about["samples"]) == ("shard-{000000..000000}.tar", 5)
     assert json.loads((tmp_path / "w" / "dataset.json").read_text()) == about
+    card = (tmp_path / "w" / "README.md").read_text()
+    assert card.startswith("---\nlicense: mit\n")
+    assert "* `bev.npz`: uint8 5 x 320 x 320" in card
     dataset = Dataset(tmp_path / "d")
     found = list(read_samples(tmp_path / "w"))
     assert [key for key, _ in found] == [f"{e:06d}_{f:06d}" for e, n in ((0, 3), (1, 2)) for f in range(n)]
@@ -123,3 +127,20 @@ def test_datasets_of_logs_alone_are_refused(tmp_path: Path) -> None:
         with pytest.raises(DatasetError, match="holds logs alone"):
             export(tmp_path / "d", tmp_path / "x")
     assert [path.name for path in tmp_path.iterdir()] == ["d"]
+
+
+def test_logs_with_tables_export_the_very_files_that_blobs_would(tmp_path: Path, recorded: Path) -> None:
+    """Without blobs sensors are rendered from the logs, and come out as the same bytes."""
+    from dataclasses import replace
+
+    from lavsim.dataset.schema import DatasetInfo
+
+    bare = tmp_path / "bare"
+    for name in ("logs", "tables", "episodes"):
+        shutil.copytree(recorded / name, bare / name)
+    info = DatasetInfo.read(recorded)
+    replace(info, record=replace(info.record, blobs=False)).write(bare)
+    chosen = ["rgb_2", "tel_sem", "bev"]
+    for name, source in (("a", recorded), ("b", bare)):
+        export_webdataset(source, tmp_path / name, chosen)
+    assert (tmp_path / "a" / "shard-000000.tar").read_bytes() == (tmp_path / "b" / "shard-000000.tar").read_bytes()

@@ -70,6 +70,7 @@ def test_the_card_tells_the_command(tmp_path: Path) -> None:
         assert option in text
 
 
+@pytest.mark.slow
 def test_charts_are_a_picture_and_the_same_each_time(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     write_dataset(tmp_path / "d", (12,))
