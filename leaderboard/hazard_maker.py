@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import count
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -17,7 +20,10 @@ from lavsim.scenarios.suggest import suggestion
 from leaderboard.route_maker import RouteWish, driven_way, random_ways
 from leaderboard.routes import RouteEntry
 
+T = TypeVar("T")
+
 AFTER_START = (25.0, 90.0)  # [m] of route before a trigger
+AT_START = (2.0, 12.0)  # [m] the same of what is set off where the route starts
 BEFORE_END = 60.0  # [m] of route after it, at least
 STEP = 5  # route points between two that are tried
 TRIES = 300  # ways through a town
@@ -94,13 +100,8 @@ def stands(
         UnknownName: no such hazard.
     """
     SCENARIOS[generation, kind]
-    wish = RouteWish(1, shortest, longest, seed, most_stops=0 if quiet else None)
-    draws, planner = Draws.of_seed(seed).stream(f"stands in {town.name}"), get_planner(town)
     taken: list[np.ndarray[tuple[int], np.dtype[np.float64]]] = []
-    for way in random_ways(town, wish, draws, tries):
-        route = driven_way(town, planner, way, wish)
-        if route is None:
-            continue
+    for route in _short_routes(town, RouteWish(1, shortest, longest, seed, most_stops=0 if quiet else None), tries):
         stand = stand_on(town, route, kind, generation)
         if stand is None:
             continue
@@ -110,9 +111,34 @@ def stands(
             yield stand
 
 
+class _Kept(Generic[T]):
+    """An iterator that can be gone through again; what it has given is kept."""
+
+    def __init__(self, source: Iterator[T]) -> None:
+        self._source, self._given = source, list[T]()
+
+    def __iter__(self) -> Iterator[T]:
+        for number in count():
+            if number == len(self._given):
+                try:
+                    self._given.append(next(self._source))
+                except StopIteration:
+                    return
+            yield self._given[number]
+
+
+@lru_cache(maxsize=32)
+def _short_routes(town: TownMap, wish: RouteWish, tries: int) -> _Kept[Route]:
+    """Routes of up to `tries` random ways; the same for all types of hazards."""
+    draws, planner = Draws.of_seed(wish.seed).stream(f"stands in {town.name}"), get_planner(town)
+    traced = (driven_way(town, planner, way, wish) for way in random_ways(town, wish, draws, tries))
+    return _Kept(route for route in traced if route is not None)
+
+
 def stand_on(town: TownMap, route: Route, kind: str, generation: str, number: int = 1) -> Stand | None:
     """The first place on `route` for a hazard of a type; None where there is none."""
-    first, last = (int(np.searchsorted(route.distance, at)) for at in AFTER_START)
+    after = AT_START if SCENARIOS[generation, kind].starts_route else AFTER_START
+    first, last = (int(np.searchsorted(route.distance, at)) for at in after)
     for index in range(first, min(last, len(route)), STEP):
         if route.length - route.distance[index] < BEFORE_END:
             return None

@@ -28,6 +28,8 @@ def write_routes(entries: Sequence[RouteEntry], traffic: str | None = None) -> b
     root = etree.Element("routes", {} if traffic is None else {"traffic": traffic})
     for entry in entries:
         root.append(_route(entry))
+        if traffic is not None and entry.traffic not in (None, traffic):
+            root[-1].set("traffic", entry.traffic)
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 

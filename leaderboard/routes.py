@@ -42,7 +42,7 @@ class RouteEntry:
         weather: Keyframes by share of the route, at least one.
         scenarios: Hazards in file order.
         generation: Shape of its element, "1.0" or "2.x".
-        traffic: The file's traffic profile; None: the rules' own.
+        traffic: Its own or the file's traffic profile; None: the rules' own.
         file: Name of the file, without folders.
         line: Where the route starts in it.
     """
@@ -99,8 +99,6 @@ def read_routes(source: str | Path) -> list[RouteEntry]:
     if root.tag != "routes":
         raise RouteError(f"{shown}, line {root.sourceline}: expected <routes>, got <{root.tag}>")
     traffic = root.get("traffic")
-    if traffic is not None and traffic not in TRAFFIC_PROFILES:
-        raise UnknownName("traffic profile", traffic, TRAFFIC_PROFILES)
     entries = [_RouteReader(element, name, shown).read(traffic) for element in _children(root, "route")]
     if not entries:
         raise RouteError(f"{shown}: no <route> in it")
@@ -185,6 +183,9 @@ class _RouteReader:
 
     def read(self, traffic: str | None) -> RouteEntry:
         route_id, town = self._text(self.element, "id"), self._text(self.element, "town")
+        traffic = self.element.get("traffic", traffic)
+        if traffic is not None and traffic not in TRAFFIC_PROFILES:
+            raise UnknownName("traffic profile", traffic, TRAFFIC_PROFILES)
         group = _first(self.element, "waypoints")
         generation: Literal["1.0", "2.x"] = "1.0" if group is None else "2.x"
         points = _children(self.element, "waypoint") if group is None else _children(group, "position")

@@ -146,6 +146,11 @@ def _match(candidate: Candidate, route: Route) -> Candidate | None:
     return replace(candidate, way=_TURNS[way]) if way is not None and way in ways else None
 
 
+def matches(candidate: Candidate, route: Route) -> bool:
+    """Whether `route` meets the candidate, and turns at the next junction as it asks."""
+    return _match(candidate, route) is not None
+
+
 def _same_trigger(first: Place, second: Place) -> bool:
     apart = math.hypot(first[0] - second[0], first[1] - second[1])
     return apart < REACH and abs(math.remainder(first[3] - second[3], 2.0 * math.pi)) < TURN

@@ -118,11 +118,13 @@ class Scenario(ABC):
     Class attributes:
         Config: Frozen dataclass of its parameters.
         appears_at_trigger: Whether `place` is called when the ego sets it off instead of when it comes near.
+        starts_route: Whether it has to be set off where the route starts.
         acts: Whether it scripts anything; types that only mark a piece of road don't.
     """
 
     Config: ClassVar[type[Any]]
     appears_at_trigger: ClassVar[bool] = False
+    starts_route: ClassVar[bool] = False
     acts: ClassVar[bool] = True
 
     def __init__(self, config: Any) -> None:

@@ -43,6 +43,7 @@ class _Hazard:
     is_placed: bool = False
     is_over: bool = False
     begun: int = 0  # tick at which it was set off
+    refusal: str = ""  # why it could not be placed
     script: Script | None = field(default=None)
 
 
@@ -96,6 +97,19 @@ class Director:
             if h.script is not None and (not h.is_over or h.stage.flags.bits)
         ]
         return np.array(rows, dtype=HAZARD_DTYPE)
+
+    @property
+    def fates(self) -> dict[int, str]:
+        """What became of each hazard so far, by its number in the route."""
+        found = {}
+        for hazard in self._hazards:
+            if hazard.script is not None:
+                found[hazard.stage.instance] = "set off"
+            elif hazard.is_over:
+                found[hazard.stage.instance] = f"no room: {hazard.refusal}"
+            else:
+                found[hazard.stage.instance] = "not reached"
+        return found
 
     @property
     def disturbance(self) -> tuple[float, float]:
@@ -164,7 +178,8 @@ class Director:
         try:
             hazard.scenario.place(hazard.stage)
             hazard.is_placed = True
-        except ScenarioError:
+        except ScenarioError as error:
+            hazard.refusal = str(error)
             hazard.scenario.clear()
             hazard.retry = self._world.tick + _RETRY_TICKS
         except Exception as error:

@@ -68,6 +68,7 @@ class ParkingExit(Scenario):
     """
 
     Config = ParkingExitConfig
+    starts_route = True
 
     def fits(self, site: Site) -> str | None:
         if site.at > _AT_START:

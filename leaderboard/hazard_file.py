@@ -1,0 +1,82 @@
+"""The route file `hazards`: for every type of hazard two routes in different towns, 150 to 400 m, one hazard each.
+
+There is no background traffic but for types that act through it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+
+from lavsim.map.town_map import load_town, town_names
+from lavsim.scenarios.base import SCENARIOS
+from lavsim.world.weather import WeatherKeyframe
+from leaderboard.hazard_maker import Stand, hazard_types, stands
+from leaderboard.route_maker import WEATHERS, entry_of
+from leaderboard.routes import RouteEntry
+
+TOWNS_A_TYPE = 2
+CANDIDATES = 4  # stands in a town of which the first good one is taken
+TRAFFIC = "empty"
+THROUGH_TRAFFIC = {"Scenario7", "Scenario8", "Scenario9", "Scenario10", "HardBreakRoute"}  # they act through it
+
+Good = Callable[[RouteEntry], bool]
+
+
+def hazard_routes(
+    kinds: Sequence[tuple[str, str]] | None = None, good: Good | None = None, tell: Callable[[str], None] = print
+) -> Iterator[RouteEntry]:
+    """Routes for `kinds` (generation, type), all of ours if not given.
+
+    Args:
+        kinds: What to draw routes for.
+        good: Takes or refuses a route; where a town has no good one among its first, the first is taken if no other
+            town has one.
+        tell: Is told of types that stand in fewer than two towns.
+    """
+    number = 0
+    for place, (generation, kind) in enumerate(hazard_types() if kinds is None else kinds):
+        found = list(_entries(generation, kind, place, good))
+        if len(found) < TOWNS_A_TYPE:
+            tell(f"{generation} {kind}: {len(found)} towns have a place for it")
+        for entry in found:
+            yield replace(entry, id=str(number))
+            number += 1
+
+
+def _entries(generation: str, kind: str, place: int, good: Good | None) -> list[RouteEntry]:
+    """Routes of one type: towns are tried in turn, beginning with another one for each type."""
+    towns, taken, spare = town_names(), list[RouteEntry](), list[RouteEntry]()
+    for offset in range(len(towns)):
+        name = towns[(place + offset) % len(towns)]
+        entries = [
+            _entry(name, stand, place) for stand in islice(stands(load_town(name), kind, generation), CANDIDATES)
+        ]
+        fine = next((entry for entry in entries if good is None or good(entry)), None)
+        if fine is not None:
+            taken.append(fine)
+        elif entries:
+            spare.append(entries[0])
+        if len(taken) == TOWNS_A_TYPE:
+            break
+    return (taken + spare)[:TOWNS_A_TYPE]
+
+
+def _stands(town: str, generation: str, kind: str) -> list[Stand]:
+    """The first few in a town; routes with stop signs are taken where there are no others."""
+    where = load_town(town)
+    quiet = list(islice(stands(where, kind, generation), CANDIDATES))
+    return quiet or list(islice(stands(where, kind, generation, quiet=False), CANDIDATES))
+
+
+def _entry(town: str, stand: Stand, place: int) -> RouteEntry:
+    weather = list(WEATHERS.values())[place % len(WEATHERS)]
+    entry = entry_of(load_town(town), "0", stand.route.keypoints, (WeatherKeyframe(0.0, weather),))
+    traffic = "lav" if stand.spec.type in THROUGH_TRAFFIC else TRAFFIC
+    return replace(entry, scenarios=(stand.spec,), traffic=traffic)
+
+
+def acts(generation: str, kind: str) -> bool:
+    """Whether a type scripts anything."""
+    return SCENARIOS[generation, kind].acts
