@@ -113,6 +113,23 @@ def test_ours_as_lav_means_the_same(tmp_path: Path, recorded: Path) -> None:
     np.testing.assert_array_equal(steer[:-1], applied[1:])
 
 
+def test_the_vehicle_layer_lies_under_vehicles_in_the_planners_frame(tmp_path: Path, recorded: Path) -> None:
+    """Reference `lav.md` 1.1: x right, y backward = -(left, forward); column 160 + 4 x, row 280 + 4 y."""
+    export_lav(recorded, tmp_path / "lav")
+    checked = 0
+    for folder in trajectories(tmp_path / "lav"):
+        with LavTrajectory(folder) as trajectory:
+            for frame in trajectory:
+                layer = decode_image(frame.maps[1], cv2.IMREAD_GRAYSCALE)
+                places = -goal_of_position(frame.loc - frame.loc[0], float(np.radians(frame.ori[0])))
+                columns, rows = np.floor(160.0 + 4.0 * places[:, 0]), np.floor(280.0 + 4.0 * places[:, 1])
+                near = np.linalg.norm(places, axis=1) < 38.0  # LAV draws vehicles within 40 m
+                shown = (frame.type == 1) & near & (np.minimum(columns, rows) >= 0) & (np.maximum(columns, rows) < 320)
+                assert (layer[rows[shown].astype(int), columns[shown].astype(int)] > 0).all()
+                checked += int(shown.sum()) - 1  # but for the ego
+    assert checked > 5
+
+
 def test_a_dataset_without_lavs_sensors_is_refused(tmp_path: Path) -> None:
     write_dataset(tmp_path / "small")
     with pytest.raises(DatasetError, match="has no field 'rgb_1', which LAV's format needs"):
