@@ -162,3 +162,28 @@ def test_drives_recorded_elsewhere_have_no_log(copy: Path) -> None:
     content["frames"] += 1
     write_sealed(copy / RECORD, content)
     assert f"{TABLE}: it has not 13 frames." in texts(copy)
+
+
+def test_no_damage_goes_unnoticed_or_crashes_the_reader(copy: Path) -> None:
+    """A flipped bit or a cut anywhere: what is read is what was written, or one line names the file."""
+    names = ["lidar", "sem_2", "position", "actor_id"]
+    wanted = Dataset(copy).read(1, 6, names)
+    files = [copy / name for name in (TABLE, TAR, INDEX, RECORD, INFO)]
+    rng = np.random.default_rng(0)
+    for number in range(40):
+        path = files[number % len(files)]
+        data = path.read_bytes()
+        spoilt = bytearray(data)
+        if number % 3:
+            spoilt[int(rng.integers(len(data)))] ^= 1 << int(rng.integers(8))
+        else:
+            del spoilt[int(rng.integers(len(data))) :]
+        path.write_bytes(bytes(spoilt))
+        refusal = ""
+        try:
+            found = Dataset(copy).read(1, 6, names)
+        except LavsimError as error:
+            refusal = str(error)
+        same = not refusal and all(np.array_equal(found[name], wanted[name]) for name in names)
+        assert same or path.name in refusal
+        path.write_bytes(data)
