@@ -139,6 +139,33 @@ def render_episode(task: RenderTask, report: Callable[[Kept], None]) -> EpisodeR
         return writer.record
 
 
+def drives_alike(log: Path, town_path: Sequence[Path] = ()) -> str | None:
+    """Asks the agent that a log names again at each of its ticks.
+
+    Returns:
+        In what it differs from the one recorded; None if in nothing, or if the log names no agent.
+
+    Raises:
+        LavsimError: the log or its town can't be read.
+    """
+    reader = LogReader(log)
+    if not reader.header.get("agent"):
+        return None
+    recorded = RecordedDrive(reader, town_path)
+    try:
+        driver = _Driver(reader, recorded)
+    except LogError as error:
+        return str(error)
+    try:
+        for snapshot in recorded:
+            driver.step(snapshot)
+    except LogError as error:
+        return str(error)
+    finally:
+        driver.close()
+    return None
+
+
 class _Driver:
     """Steps the agent of a log again, and holds it to the controls recorded.
 

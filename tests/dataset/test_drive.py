@@ -12,7 +12,7 @@ from lavsim.agent import AgentSpec
 from lavsim.dataset import drive as driving
 from lavsim.dataset.drive import EpisodeTask, Kept, collect_episode
 from lavsim.dataset.noise import ControlNoise
-from lavsim.dataset.redrive import RenderTask, render_episode
+from lavsim.dataset.redrive import RenderTask, drives_alike, render_episode
 from lavsim.isolation import ChildAgent
 from lavsim.log.reader import LogReader
 from tests.dataset.collected import short_plan
@@ -69,3 +69,10 @@ def test_rendering_tells_its_frames_too(tmp_path: Path) -> None:
     assert told == [Kept(5, 20)]
     assert (record.frames, record.episode, record.facts) == (24, 5, {"weather": "lav"})
     assert (tmp_path / "logs/ep_000005.lavlog").read_bytes() == log.read_bytes()
+
+
+def test_an_agent_is_held_to_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = log_of(tmp_path, episode_frames=24, noise=ControlNoise(share=1.0, every=1.5))
+    assert drives_alike(log) is None
+    monkeypatch.setattr(ControlNoise, "steer", lambda *_: 0.0)
+    assert "drives differently" in str(drives_alike(log))
