@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,20 @@ from lavsim.dataset.rig import Rig
 from lavsim.dataset.schema import FieldSpec
 from lavsim.log.reader import LogReader
 from lavsim.log.replay import draws_of, recent_of, town_of
-from lavsim.render.scene import get_scene
+from lavsim.random import Draws
+from lavsim.render.scene import Scene, get_scene
 
 _LOGS = 8  # logs kept open
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A log and what its drive is rendered with; `first` is its first tick."""
+
+    reader: LogReader
+    first: int
+    scene: Scene
+    draws: Draws
 
 
 class Rerendered:
@@ -27,7 +39,7 @@ class Rerendered:
 
     def __init__(self, suite: Sequence[Mapping[str, Any]], town_path: Sequence[Path] = ()) -> None:
         self._rig, self._town_path = Rig(suite), town_path
-        self._logs: OrderedDict[Path, LogReader] = OrderedDict()
+        self._sources: OrderedDict[Path, _Source] = OrderedDict()
 
     def read(self, log: Path, tick: int, fields: Sequence[FieldSpec]) -> dict[str, Any]:
         """The readings of some fields at a tick, after their codecs have rounded them.
@@ -44,18 +56,18 @@ class Rerendered:
         Raises:
             LogError: the log is damaged, or its town is another one here.
         """
-        reader = self._log(log)
-        scene = get_scene(town_of(reader, self._town_path))
-        index = tick - reader[0].tick
-        recent = recent_of(reader, index, self._rig.history + 1)
-        seen = self._rig.read(recent, scene, draws_of(reader), [item.name for item in fields])
+        source = self._source(log)
+        recent = recent_of(source.reader, tick - source.first, self._rig.history + 1)
+        seen = self._rig.read(recent, source.scene, source.draws, [item.name for item in fields])
         return {item.name: find_codec(item.codec).encode(seen.blobs[item.name]) for item in fields}
 
-    def _log(self, path: Path) -> LogReader:
-        if path in self._logs:
-            self._logs.move_to_end(path)
-            return self._logs[path]
-        self._logs[path] = LogReader(path)
-        if len(self._logs) > _LOGS:
-            self._logs.popitem(last=False)
-        return self._logs[path]
+    def _source(self, path: Path) -> _Source:
+        if path in self._sources:
+            self._sources.move_to_end(path)
+            return self._sources[path]
+        reader = LogReader(path)
+        town = town_of(reader, self._town_path)
+        self._sources[path] = _Source(reader, reader[0].tick, get_scene(town), draws_of(reader))
+        if len(self._sources) > _LOGS:
+            self._sources.popitem(last=False)
+        return self._sources[path]
