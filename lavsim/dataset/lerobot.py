@@ -1,11 +1,11 @@
 """Writes datasets in LeRobot's format v3.0: tables in Parquet, cameras in MP4, both holding many episodes a file.
 
-    meta/info.json                          features, paths, rate, totals, splits
-    meta/stats.json                         statistics of each feature over everything
-    meta/tasks.parquet                      one row a task, its text as the index
-    meta/episodes/chunk-000/file-000.parquet   one row an episode: where its rows and pictures lie, its statistics
-    data/chunk-000/file-000.parquet         one row a frame, a row group an episode
-    videos/KEY/chunk-000/file-000.mp4       one camera, episodes one after another
+    meta/info.json                             features, paths, rate, totals, splits
+    meta/stats.json                            statistics of each feature over everything
+    meta/tasks.parquet                         a row a task, its text as the index
+    meta/episodes/chunk-000/file-000.parquet   a row an episode: where its rows and pictures lie, its statistics
+    data/chunk-000/file-000.parquet            a row a frame, a row group an episode
+    videos/KEY/chunk-000/file-000.mp4          one camera, episodes one after another
 
 This module knows the format and nothing of ours; `lavsim.dataset.export_lerobot` fills it. PyAV (the extra `video`)
 encodes.
@@ -18,24 +18,18 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from fractions import Fraction
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.errors import OutputError
+from lavsim.dataset.lerobot_video import CHUNK_FILES, PATH, QUANTILES, VIDEO_MB, Levels, Place, Video, quantile_name
 
 VERSION = "v3.0"
-_CHUNK_FILES = 1000
-_DATA_MB, _VIDEO_MB = 100, 200
-_QUALITY = 23  # constant rate factor of H.264
-_GOP = 2  # pictures from one that stands alone to the next: random access decodes two at most
+_DATA_MB = 100
 _SAMPLED = 25  # every so many pictures enter the statistics of a camera
-_QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
-_PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 
 # Columns that every dataset has, in order, with their NumPy type.
 _OWN = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
@@ -57,22 +51,6 @@ class Feature:
     @property
     def info(self) -> dict[str, Any]:
         return {"dtype": self.dtype, "shape": [len(self.names)], "names": list(self.names)}
-
-
-@dataclass
-class _Place:
-    """Which file is being written, and how it stands."""
-
-    chunk: int = 0
-    file: int = 0
-
-    def next(self) -> None:
-        self.file += 1
-        if self.file == _CHUNK_FILES:
-            self.chunk, self.file = self.chunk + 1, 0
-
-    def path(self, root: Path, suffix: str) -> Path:
-        return root / (_PATH.format(chunk_index=self.chunk, file_index=self.file) + suffix)
 
 
 class LeRobotWriter:
@@ -98,16 +76,16 @@ class LeRobotWriter:
         cameras: Mapping[str, tuple[int, int]],
         robot: str,
         data_mb: float = _DATA_MB,
-        video_mb: float = _VIDEO_MB,
+        video_mb: float = VIDEO_MB,
     ) -> None:
         self._folder, self._rate, self._robot = folder, rate, robot
         self._features, self._limit = dict(features), (data_mb, video_mb)
         folder.mkdir(parents=True, exist_ok=True)
         self._videos = {
-            key: _Video(folder / "videos" / key, rate, height, width, video_mb)
+            key: Video(folder / "videos" / key, rate, height, width, video_mb)
             for key, (height, width) in cameras.items()
         }
-        self._place = _Place()
+        self._place = Place()
         self._parquet: Any = None
         self._tasks: dict[str, int] = {}
         self._rows: list[dict[str, Any]] = []  # of meta/episodes
@@ -139,7 +117,7 @@ class LeRobotWriter:
         }  # fmt: skip
         table |= {name: np.asarray(own[name], dtype).reshape(count, 1) for name, dtype in _OWN.items()}
         begins = {key: video.begin(count) for key, video in self._videos.items()}
-        seen = {key: _Levels() for key in self._videos}
+        seen = {key: Levels() for key in self._videos}
         for k, frame in enumerate(pictures):
             for key, video in self._videos.items():
                 video.add(frame[key])
@@ -207,7 +185,7 @@ class LeRobotWriter:
         import pyarrow.parquet as pq
 
         meta = self._folder / "meta"
-        path = _Place().path(meta / "episodes", ".parquet")
+        path = Place().path(meta / "episodes", ".parquet")
         path.parent.mkdir(parents=True, exist_ok=True)
         pq.write_table(pa.Table.from_pylist(self._rows), path, compression="snappy")
         pq.write_table(_tasks_table(list(self._tasks)), meta / "tasks.parquet", compression="snappy")
@@ -226,124 +204,15 @@ class LeRobotWriter:
             "total_episodes": len(self._rows),
             "total_frames": self._frames,
             "total_tasks": len(self._tasks),
-            "chunks_size": _CHUNK_FILES,
+            "chunks_size": CHUNK_FILES,
             "data_files_size_in_mb": _DATA_MB,
-            "video_files_size_in_mb": _VIDEO_MB,
+            "video_files_size_in_mb": VIDEO_MB,
             "fps": self._rate,
             "splits": {"train": f"0:{len(self._rows)}"},
-            "data_path": f"data/{_PATH}.parquet",
-            "video_path": f"videos/{{video_key}}/{_PATH}.mp4" if self._videos else None,
+            "data_path": f"data/{PATH}.parquet",
+            "video_path": f"videos/{{video_key}}/{PATH}.mp4" if self._videos else None,
             "features": features,
         }
-
-
-class _Video:
-    """The films of one camera."""
-
-    def __init__(self, folder: Path, rate: int, height: int, width: int, limit: float) -> None:
-        self._folder, self._rate, self._size, self._limit = folder, rate, (height, width), limit
-        self._place = _Place()
-        self._film: _Film | None = None
-        self._pictures = 0  # in the film being written
-        self.levels = _Levels()
-
-    @property
-    def info(self) -> dict[str, Any]:
-        height, width = self._size
-        return {
-            "dtype": "video", "shape": [height, width, 3], "names": ["height", "width", "channels"],
-            "info": {
-                "video.height": height, "video.width": width, "video.codec": "h264", "video.pix_fmt": "yuv420p",
-                "video.is_depth_map": False, "video.fps": self._rate, "video.channels": 3, "has_audio": False,
-            },
-        }  # fmt: skip
-
-    def begin(self, count: int) -> tuple[int, int, int]:
-        """Chunk, file and number of the first picture of an episode of `count` pictures."""
-        if self._film is not None and self._film.size > self._limit * 2**20:
-            self._film.close()
-            self._film, self._pictures = None, 0
-            self._place.next()
-        begin, self._pictures = self._pictures, self._pictures + count
-        return self._place.chunk, self._place.file, begin
-
-    def add(self, picture: NDArray[np.uint8]) -> None:
-        if self._film is None:
-            path = self._place.path(self._folder, ".mp4")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._film = _Film(path, self._rate, self._size)
-        self._film.add(picture)
-
-    def close(self) -> None:
-        if self._film is not None:
-            self._film.close()
-
-
-class _Film:
-    """One MP4 file."""
-
-    def __init__(self, path: Path, rate: int, size: tuple[int, int]) -> None:
-        try:
-            import av
-        except ImportError:
-            raise OutputError("LeRobot's format needs the package av: pip install 'lavsim[video]'.") from None
-        self._av = av
-        self._container = av.open(str(path), "w")
-        stream: Any = self._container.add_stream("libx264", rate=Fraction(rate))
-        stream.height, stream.width, stream.pix_fmt = *size, "yuv420p"
-        # Nothing may lean on a later picture: the first one's time stamp is then 0, as readers expect, and no picture
-        # waits in the encoder.
-        stream.options = {
-            "crf": str(_QUALITY),
-            "g": str(_GOP),
-            "preset": "veryfast",
-            "tune": "zerolatency",
-            "threads": "1",
-        }
-        self._stream = stream
-        self.size = 0  # [bytes] so far
-
-    def add(self, picture: NDArray[np.uint8]) -> None:
-        frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
-        packets = self._stream.encode(frame)
-        self.size += sum(packet.size for packet in packets)
-        self._container.mux(packets)
-
-    def close(self) -> None:
-        self._container.mux(self._stream.encode())
-        self._container.close()
-
-
-@dataclass
-class _Levels:
-    """How often each level of red, green and blue occurs."""
-
-    counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros((3, 256), np.int64))
-    pictures: int = 0
-
-    def add(self, picture: NDArray[np.uint8]) -> None:
-        self.counts += np.stack([np.bincount(picture[..., c].ravel(), minlength=256) for c in range(3)])
-        self.pictures += 1
-
-    def join(self, other: _Levels) -> None:
-        self.counts += other.counts
-        self.pictures += other.pictures
-
-    def statistics(self) -> dict[str, Any]:
-        """As LeRobot has it: each (3, 1, 1) in 0 to 1; "count" of pictures."""
-        level = np.arange(256) / 255.0
-        share = self.counts / np.maximum(self.counts.sum(axis=1, keepdims=True), 1)
-        mean = share @ level
-        found = {
-            "min": level[np.argmax(self.counts > 0, axis=1)],
-            "max": level[255 - np.argmax(self.counts[:, ::-1] > 0, axis=1)],
-            "mean": mean,
-            "std": np.sqrt(np.maximum(share @ level**2 - mean**2, 0.0)),
-        }
-        below = np.cumsum(share, axis=1)
-        for q in _QUANTILES:
-            found[_quantile(q)] = level[np.argmax(below >= q, axis=1)]
-        return {name: value.reshape(3, 1, 1).tolist() for name, value in found.items()} | {"count": [self.pictures]}
 
 
 def _statistics(values: NDArray[Any]) -> dict[str, Any]:
@@ -353,13 +222,9 @@ def _statistics(values: NDArray[Any]) -> dict[str, Any]:
         "min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist(),
         "mean": exact.mean(axis=0).tolist(), "std": exact.std(axis=0).tolist(), "count": [len(values)],
     }  # fmt: skip
-    for q, row in zip(_QUANTILES, np.quantile(exact, _QUANTILES, axis=0), strict=True):
-        found[_quantile(q)] = row.tolist()
+    for q, row in zip(QUANTILES, np.quantile(exact, QUANTILES, axis=0), strict=True):
+        found[quantile_name(q)] = row.tolist()
     return found
-
-
-def _quantile(share: float) -> str:
-    return f"q{round(share * 100):02d}"
 
 
 def _arrow(values: NDArray[Any]) -> Any:

@@ -7,7 +7,6 @@ and mounts all mean what the dataset says they mean.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,23 +15,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lavsim.dataset.boxes import HIDDEN_BGR, Boxes, camera_pose, projected_edges
 from lavsim.dataset.charts import write_output
 from lavsim.dataset.columns import WEATHER
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.schema import BLOB, DatasetInfo, FieldSpec
 from lavsim.dataset.stats import COMMANDS
 from lavsim.errors import DatasetError
-from lavsim.geometry import box_corners, to_local
+from lavsim.geometry import box_corners
 from lavsim.random import Draws
 from lavsim.render.camera_view import CameraView
 from lavsim.render.canvas import Canvas, encode_png, height_colours, write_text
-from lavsim.render.frame import Pose, rotation
+from lavsim.render.frame import rotation
 from lavsim.render.palette import EGO_BGR, INK_BGR, PAPER_BGR, ROUTE_BGR, Bgr
 from lavsim.sensors.base import Sensor, make_sensor
 from lavsim.sensors.bev import Bev, ego_column, ego_row
 from lavsim.sensors.camera import ColourCamera, TagCamera
 from lavsim.sensors.lidar import Lidar
-from lavsim.types import ActorClass
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
@@ -40,56 +39,15 @@ Floats = NDArray[np.float64]
 _WIDTH, _PANEL, _WIDE = 640, 200, 240  # [px] of a frame at scale 1; of the two maps; of a camera that is no wide one
 _GAP, _LINE = 3, 16  # [px]
 _LIDAR_METRES = 80.0
-_NEAR = 0.1  # [m] before the lens, where boxes are cut
 _DARK = 70.0  # mean level of an image of the night
 _LIGHTENED = np.rint(255.0 * (np.arange(256) / 255.0) ** 0.45).astype(np.uint8)
 _FEW = 12  # pixels or points: fewer count as hardly seen
-
-# Colours of boxes: seen by this camera or this LiDAR, hardly or not, walkers, and what the ego stops for.
-SEEN_BGR: Bgr = (80, 220, 60)
-HIDDEN_BGR: Bgr = (150, 150, 150)
-WALKER_BGR: Bgr = (40, 160, 255)
-CAUSE_BGR: Bgr = (60, 40, 240)
 
 _LAYER_BGR: dict[str, Bgr] = {
     "road": (96, 92, 90), "crosswalk": (130, 130, 130), "solid": (240, 240, 240), "broken": (120, 220, 240),
     "stop": (200, 60, 200), "red": (50, 50, 230), "yellow": (40, 190, 250), "green": (70, 200, 60),
     "vehicle": (220, 130, 40), "walker": (80, 160, 255), "pedestrian": (60, 40, 255),
 }  # fmt: skip
-
-# A box's edges as pairs of its corners: the four below, the four above, the four between.
-_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
-
-
-@dataclass(frozen=True)
-class _Boxes:
-    """Actors of a frame, but for the ego.
-
-    Attributes:
-        corners: (A, 8, 3) world [m]; front left, front right, rear right, rear left below, then above.
-        outlines: (A, 4, 2) in the ego's frame [m].
-        colours: Of each, when it is seen.
-        row: Their rows in the frame's actors.
-    """
-
-    corners: Floats
-    outlines: Floats
-    colours: list[Bgr]
-    row: NDArray[np.int64]
-
-    @staticmethod
-    def of(row: Mapping[str, Any]) -> _Boxes:
-        others = np.flatnonzero(row["actor_id"] != row["actor_id"][0])
-        position, size = row["actor_position"][others], row["actor_size"][others].astype(np.float64)
-        yaw, pitch = row["actor_yaw"][others], row["actor_pitch"][others].astype(np.float64)
-        outlines = box_corners(position[:, 0], position[:, 1], yaw, size[:, 0], size[:, 1])
-        local = to_local(outlines.reshape(-1, 2), row["position"][:2], float(row["yaw"])).reshape(-1, 4, 2)
-        colours = []
-        for k in others.tolist():
-            is_walker = row["actor_class"][k] == ActorClass.WALKER
-            is_cause = row["brake_actor"] and row["actor_id"][k] == row["brake_actor"]
-            colours.append(CAUSE_BGR if is_cause else WALKER_BGR if is_walker else SEEN_BGR)
-        return _Boxes(_solid_corners(position, size, yaw, pitch), local, colours, others)
 
 
 class FramePainter:
@@ -116,7 +74,7 @@ class FramePainter:
         """(H, W, 3) blue, green, red: all views of a frame, 640 px wide at scale 1."""
         names = [field.name for field in self._dataset.info.columns]
         row = self._dataset.read(episode, frame, [*names, *(view.field.name for view in self._views)])
-        boxes = _Boxes.of(row)
+        boxes = Boxes.of(row)
         pictures = [view.draw(row, boxes, scale) for view in self._views]
         town = self._dataset.episodes[episode].town
         return _arranged(pictures, _caption(row, f"{town} {episode}/{frame}"), scale)
@@ -193,14 +151,14 @@ class _View:
     def is_drawn(self) -> bool:
         return isinstance(self._sensor, ColourCamera | Lidar | Bev)
 
-    def draw(self, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
+    def draw(self, row: Mapping[str, Any], boxes: Boxes, scale: int) -> Image:
         if isinstance(self._sensor, ColourCamera):
             return self._camera(self._sensor.view, row, boxes, scale)
         if isinstance(self._sensor, Bev):
             return self._bev(self._sensor, row, boxes, scale)
         return self._lidar(row, boxes, scale)
 
-    def _camera(self, view: CameraView, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
+    def _camera(self, view: CameraView, row: Mapping[str, Any], boxes: Boxes, scale: int) -> Image:
         image = cv2.cvtColor(row[self.field.name], cv2.COLOR_RGB2BGR)
         if self._bright and image.mean() < _DARK:
             image = cv2.LUT(image, _LIGHTENED)
@@ -208,12 +166,12 @@ class _View:
         wide = (_WIDTH // 5 if view.width <= view.height else _WIDE) * scale
         factor = wide / view.width
         image = cv2.resize(image, (wide, round(view.height * factor)), interpolation=cv2.INTER_AREA)
-        pose = _pose(view, row)
+        pose = camera_pose(view, row)
         counts = row["actor_pixels"][:, self._pixels] if self._pixels is not None and "actor_pixels" in row else None
         for k in np.argsort(-np.linalg.norm(boxes.corners.mean(axis=1) - pose.origin, axis=1)):
             is_seen = counts is None or counts[boxes.row[k]] >= _FEW
             colour = boxes.colours[k] if is_seen else HIDDEN_BGR
-            for begin, end in _projected(view, pose.to_sensor(boxes.corners[k]), factor):
+            for begin, end in projected_edges(view, pose.to_sensor(boxes.corners[k]), factor):
                 cv2.line(image, begin, end, colour, 1, cv2.LINE_AA, 4)
         return np.asarray(image)
 
@@ -225,7 +183,7 @@ class _View:
         same = [k for k, tag in enumerate(tags) if tag.view == self._sensor.view]
         return same[0] if same else None
 
-    def _lidar(self, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
+    def _lidar(self, row: Mapping[str, Any], boxes: Boxes, scale: int) -> Image:
         """From above in the ego's frame, heading up: this tick's points in colour, the last's dimmer."""
         side, mount = _PANEL * scale, self._sensor.config.mount
         canvas = Canvas.facing(0.0, 0.0, 0.0, (side, side), side / _LIDAR_METRES, 0.62, (24, 22, 20))
@@ -239,7 +197,7 @@ class _View:
         _draw_labels(canvas, row, boxes, hits, scale)
         return canvas.image
 
-    def _bev(self, sensor: Bev, row: Mapping[str, Any], boxes: _Boxes, scale: int) -> Image:
+    def _bev(self, sensor: Bev, row: Mapping[str, Any], boxes: Boxes, scale: int) -> Image:
         config, layers = sensor.config, row[self.field.name]
         picture = np.full((config.height, config.width, 3), 34, np.uint8)
         for name in _LAYER_BGR:
@@ -256,7 +214,7 @@ class _View:
 
 
 def _draw_labels(
-    canvas: Canvas, row: Mapping[str, Any], boxes: _Boxes, hits: NDArray[np.int32] | None, scale: int
+    canvas: Canvas, row: Mapping[str, Any], boxes: Boxes, hits: NDArray[np.int32] | None, scale: int
 ) -> None:
     """Boxes, the ego, its route and goal on a picture whose world is the ego's frame."""
     for k, outline in enumerate(boxes.outlines):
@@ -268,43 +226,6 @@ def _draw_labels(
         canvas.outline(row["route"], ROUTE_BGR, 1, closed=False)
     if "goal" in row:
         canvas.disc(row["goal"].tolist(), 2.0 * scale, ROUTE_BGR, INK_BGR)
-
-
-def _projected(view: CameraView, corners: Floats, factor: float) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Ends of the visible edges of a box (8, 3) in the camera's frame, in 1/16 pixel of the enlarged image."""
-    lines = []
-    for a, b in _EDGES:
-        begin, end = corners[a], corners[b]
-        if begin[0] < _NEAR and end[0] < _NEAR:
-            continue
-        if begin[0] < _NEAR or end[0] < _NEAR:
-            cut = begin + (end - begin) * (_NEAR - begin[0]) / (end[0] - begin[0])
-            begin, end = (cut, end) if begin[0] < _NEAR else (begin, cut)
-        ends = np.array([begin, end])
-        column = view.width / 2.0 + view.lens.focal * ends[:, 1] / ends[:, 0]
-        height = view.height / 2.0 - view.lens.focal * ends[:, 2] / ends[:, 0]
-        pixels = np.clip((np.stack([column, height], axis=1) * factor - 0.5) * 16.0, -(2**20), 2**20)
-        (x0, y0), (x1, y1) = np.rint(pixels).astype(int).tolist()
-        lines.append(((x0, y0), (x1, y1)))
-    return lines
-
-
-def _solid_corners(position: Floats, size: Floats, yaw: Floats, pitch: Floats) -> Floats:
-    """(A, 8, 3) world corners of boxes that stand on the ground at `position` (A, 3)."""
-    ahead, aside, up = np.array(
-        [(1, -1, 0), (1, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, 1), (1, 1, 1), (-1, 1, 1), (-1, -1, 1)], np.float64
-    ).T  # fmt: skip
-    local = np.stack([size[:, :1] / 2.0 * ahead, size[:, 1:2] / 2.0 * aside, size[:, 2:] * up], axis=-1)
-    turns = np.array([rotation(0.0, p, y) for p, y in zip(pitch, yaw, strict=True)]).reshape(-1, 3, 3)
-    return np.einsum("aij,akj->aki", turns, local) + position[:, None, :]
-
-
-def _pose(view: CameraView, row: Mapping[str, Any]) -> Pose:
-    """Where a camera of the ego was."""
-    mount = view.mount
-    body = rotation(0.0, float(row["pitch"]), float(row["yaw"]))
-    origin = row["position"] + body @ np.array([mount.x, mount.y, mount.z])
-    return Pose(origin, body @ rotation(mount.roll, mount.pitch, mount.yaw))
 
 
 def _sensors(info: DatasetInfo) -> list[tuple[FieldSpec, Sensor]]:

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from lavsim.dataset.picture import FramePainter, _Boxes, _pose, _solid_corners, draw_sheet, random_frames
+from lavsim.dataset.boxes import Boxes, box_corners_3d, camera_pose
+from lavsim.dataset.picture import FramePainter, draw_sheet, random_frames
 from lavsim.dataset.reader import Dataset
 from lavsim.errors import DatasetError
 from lavsim.render.camera_view import CameraView
@@ -43,9 +44,9 @@ def test_boxes_sit_on_cars(recorded: Path) -> None:
     checked = 0
     for index in range(0, len(dataset), 4):
         row = dataset.read(*dataset.locate(index))
-        boxes = _Boxes.of(row)
+        boxes = Boxes.of(row)
         for number, (name, view) in enumerate(tag_views(dataset)):
-            pose, tags = _pose(view, row), row[name]
+            pose, tags = camera_pose(view, row), row[name]
             for k, actor in enumerate(boxes.row):
                 pixels = int(row["actor_pixels"][actor, number])
                 inside = hull(view, pose.to_sensor(boxes.corners[k]))
@@ -78,7 +79,7 @@ def test_points_that_hit_an_actor_lie_in_its_box(recorded: Path) -> None:
 
 
 def test_corners_of_a_box() -> None:
-    corners = _solid_corners(
+    corners = box_corners_3d(
         np.array([[10.0, 5.0, 1.0]]), np.array([[4.0, 2.0, 1.5]]), np.array([np.pi / 2.0]), np.zeros(1)
     )
     np.testing.assert_allclose(corners[0, 0], [11.0, 7.0, 1.0], atol=1e-9)  # front left, heading south
