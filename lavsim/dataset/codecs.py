@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import io
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -143,13 +144,24 @@ def _decode_any(data: bytes, shape: Shape) -> NDArray[Any]:
     return array
 
 
+class _Contexts(threading.local):
+    """Zstandard's working memory, one a thread: making it anew takes longer than packing an image of tags."""
+
+    def __init__(self) -> None:
+        self.packer = zstandard.ZstdCompressor(level=_LEVEL)
+        self.unpacker = zstandard.ZstdDecompressor()
+
+
+_contexts = _Contexts()
+
+
 def _pack(values: NDArray[np.uint8]) -> bytes:
-    packed: bytes = zstandard.ZstdCompressor(level=_LEVEL).compress(values.data)
+    packed: bytes = _contexts.packer.compress(values.data)
     return packed
 
 
 def _unpack(data: bytes) -> NDArray[np.uint8]:
-    return np.frombuffer(zstandard.ZstdDecompressor().decompress(data), np.uint8)
+    return np.frombuffer(_contexts.unpacker.decompress(data), np.uint8)
 
 
 def _sizes(shape: Shape) -> tuple[int, ...]:
