@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import json
+import shutil
+import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +19,21 @@ from leaderboard.run import Run
 from tests.leaderboard.test_evaluator import steady, without_clock
 
 
-def shared_out(folder: Path, rules: str = "1.0") -> tuple[Run, list[Path]]:
-    """A run of three routes, and the same routes driven in two runs."""
-    whole = evaluate(steady(folder, 3, rules=rules))
-    shares = [("1", folder / "b"), ("0,2", folder / "a")]
-    for ids, out in shares:
+@cache
+def driven(rules: str) -> Path:
+    """A folder with a run of three routes (out), and the same routes driven in two runs (a, b)."""
+    folder = Path(tempfile.mkdtemp(prefix="shares"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    evaluate(steady(folder, 3, rules=rules))
+    for ids, out in (("1", folder / "b"), ("0,2", folder / "a")):
         evaluate(steady(folder, 3, rules=rules, route_ids=ids, out=out))
-    return whole, [out for _, out in shares]
+    return folder
+
+
+def shared_out(folder: Path, rules: str = "1.0") -> tuple[Run, list[Path]]:
+    """A copy of what was driven, for a test to change: the whole, and its shares."""
+    shutil.copytree(driven(rules), folder, dirs_exist_ok=True)
+    return Run.load(folder / "out"), [folder / "b", folder / "a"]
 
 
 @pytest.mark.parametrize("rules", ["1.0", "2.1"])
