@@ -37,15 +37,22 @@ class RedrawnWeather:
     def at(self, tick: int) -> Weather:
         """The weather of a tick."""
         share, number = tick * DT / self.period, int(tick * DT / self.period)
-        now, then = _draw(self.seed, number), _draw(self.seed, number + 1)
+        before, azimuth, turn, altitude, rise, after = _span(self.seed, number)
         share -= number
-        turn = (then.sun_azimuth_angle - now.sun_azimuth_angle + 180.0) % 360.0 - 180.0
-        rise = then.sun_altitude_angle - now.sun_altitude_angle
-        return replace(
-            now,
-            sun_azimuth_angle=_stepped(now.sun_azimuth_angle + share * turn) % 360.0,
-            sun_altitude_angle=_stepped(now.sun_altitude_angle + share * rise),
-        )
+        return Weather(*before, _stepped(azimuth + share * turn) % 360.0, _stepped(altitude + share * rise), *after)
+
+
+@lru_cache(maxsize=16)
+def _span(seed: int, number: int) -> tuple[tuple[float, ...], float, float, float, float, tuple[float, ...]]:
+    """From draw `number` to the next: fields before the sun's, its azimuth and turn, altitude and rise, fields after."""
+    now, then = _draw(seed, number), _draw(seed, number + 1)
+    turn = (then.sun_azimuth_angle - now.sun_azimuth_angle + 180.0) % 360.0 - 180.0
+    rise = then.sun_altitude_angle - now.sun_altitude_angle
+    return (
+        (now.cloudiness, now.precipitation, now.precipitation_deposits, now.wind_intensity),
+        now.sun_azimuth_angle, turn, now.sun_altitude_angle, rise,
+        (now.fog_density, now.fog_distance, now.fog_falloff, now.wetness),
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=16)
