@@ -13,6 +13,8 @@ from lavsim.world.weather_presets import weathers_of
 
 _SUN_STEP = 1.0 / 64.0  # [deg] the sun moves in: short numbers keep logs small
 
+_Four = tuple[float, float, float, float]
+
 
 @dataclass(frozen=True)
 class RedrawnWeather:
@@ -43,8 +45,8 @@ class RedrawnWeather:
 
 
 @lru_cache(maxsize=16)
-def _span(seed: int, number: int) -> tuple[tuple[float, ...], float, float, float, float, tuple[float, ...]]:
-    """From draw `number` to the next: fields before the sun's, its azimuth and turn, altitude and rise, fields after."""
+def _span(seed: int, number: int) -> tuple[_Four, float, float, float, float, _Four]:
+    """From draw `number` to the next: fields before the sun's, azimuth and turn, altitude and rise, the rest."""
     now, then = _draw(seed, number), _draw(seed, number + 1)
     turn = (then.sun_azimuth_angle - now.sun_azimuth_angle + 180.0) % 360.0 - 180.0
     rise = then.sun_altitude_angle - now.sun_altitude_angle
