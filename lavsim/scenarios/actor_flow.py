@@ -35,6 +35,7 @@ from lavsim.world.snapshot import HAZARD_OWNS_TIMER
 Line = NDArray[np.float64]
 
 _BEFORE, _AFTER = 80.0, 80.0  # [m] of a stream that no file lays down, before and behind the junction
+_STRAIGHT = np.radians(40.0)  # that a stream to merge into turns at most
 _FRONT = 10.0  # [m] before the end of the last stream
 
 
@@ -121,7 +122,9 @@ class FlowScenario(Scenario):
         into = [
             way
             for way in junction.ways(LEFT, SAME, OPPOSITE, RIGHT)
-            if lanes.road_id[way.after] == lanes.road_id[own.after] and int(lanes.road_id[way.before]) not in roads
+            if lanes.road_id[way.after] == lanes.road_id[own.after]
+            and int(lanes.road_id[way.before]) not in roads
+            and abs(way.turn) < _STRAIGHT
         ]
         straight = sorted(into, key=lambda way: (abs(way.turn), way.after != own.after))
         return straight if self.every_lane else straight[:1]

@@ -11,7 +11,7 @@ from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.flow import BICYCLES, ActorFlow
-from lavsim.scenarios.moves.junctions import LEFT, OPPOSITE, RIGHT, SAME, junction_ahead, no_light, no_turn, side_of
+from lavsim.scenarios.moves.junctions import LEFT, OPPOSITE, RIGHT, junction_ahead, no_light, no_turn, side_of
 from lavsim.scenarios.moves.meeting import phase_to_meet
 from lavsim.scenarios.parameters import Interval, Location
 from lavsim.scenarios.place import Site, line_ahead
@@ -49,9 +49,9 @@ class CrossingBicycleFlow(Scenario):
 
     From the trigger on bicycles ride from `start_actor_flow` straight through the junction, across the ego's turn, at
     `flow_speed` and without minding anybody; their way is full of them at once, and one would meet an ego that keeps
-    its speed. Without that place they ride along the right edge of a lane whose way meets the ego's: beside it where it
-    turns right, against it where it turns left. The ego's light is red for 5 s, then green. It is over when the ego has
-    left the junction. It owns a timer of 240 s.
+    its speed. Without that place they ride along the right edge of a lane whose way meets the ego's: from the left
+    where it turns right, against it where it turns left. The ego's light is red for 5 s, then green. It is over when
+    the ego has left the junction. It owns a timer of 240 s.
 
     Parameters: start_actor_flow (a place), flow_speed 10 m/s, source_dist_interval 20 to 50 m.
 
@@ -93,7 +93,7 @@ class CrossingBicycleFlow(Scenario):
             return line_ahead(site.town.waypoint(np.array(start[:3]), _RIDDEN), _LONG)
         junction = junction_ahead(site)
         assert junction is not None  # `fits` has seen to it
-        sides = (SAME, RIGHT, LEFT) if junction.way.turn > 0.0 else (OPPOSITE, RIGHT, LEFT)
+        sides = (LEFT, RIGHT, OPPOSITE) if junction.way.turn > 0.0 else (OPPOSITE, RIGHT, LEFT)
         ways = [
             way
             for way in junction.ways(*sides)

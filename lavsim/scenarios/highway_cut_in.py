@@ -25,6 +25,7 @@ _HEAD = 9.0  # [m] that the car is ahead of the ego when it cuts in
 _SLOWER = 0.8  # of the ego's speed
 _FASTEST, _SLOWEST = 35.0, 3.0  # [m/s] while it comes alongside
 _HIGHWAY = 70.0 / 3.6  # [m/s] limit of a road where a new file puts it
+_SLOPE = 0.25  # of its way that it moves aside at most: slow ones take longer than 2 s
 _SECONDS, _OTHER_LANE = 2.0, 3.0  # [s] of the change, [s] in the ego's lane afterwards
 
 
@@ -79,8 +80,9 @@ class HighwayCutIn(Scenario):
         yield from _come_alongside(stage, self._car, along, meeting)
         self._car.actor.switch_on(VehicleLight.LEFT_BLINKER if aside < 0.0 else VehicleLight.RIGHT_BLINKER)
         self._car.speed = _SLOWER * stage.world.ego.speed
-        self._car.shift(aside, _SECONDS)
-        yield from wait.first_of(wait.seconds(_SECONDS + _OTHER_LANE), self._car.run())
+        seconds = max(_SECONDS, abs(aside) / (_SLOPE * max(self._car.speed, 1.0)))
+        self._car.shift(aside, seconds)
+        yield from wait.first_of(wait.seconds(seconds + _OTHER_LANE), self._car.run())
 
     def _line(self, site: Site) -> NDArray[np.float64] | None:
         place = self.config.other_actor_location

@@ -20,6 +20,7 @@ from lavsim.scenarios.place import Site, oncoming
 from lavsim.world.snapshot import HAZARD_OWNS_TIMER
 
 _BEND = np.radians(30.0)  # that the road should turn at least where a new file puts it
+_ROUTE_LEFT = 15.0  # [m] of route behind where it is over
 _GAP = Interval(40.0, 40.0)  # [m] between one and the next
 _CONES = 15.0  # [m] between cones
 
@@ -68,7 +69,7 @@ class InvadingTurn(Scenario):
 
     def suits(self, site: Site) -> str | None:
         reason = self.fits(site)
-        last = site.ahead(self.config.distance)
+        last = site.ahead(self.config.distance + _ROUTE_LEFT)
         if reason is not None or last is None:
             return reason or "the route ends before"
         turned = float(np.ptp(np.unwrap(site.route.yaw[site.index : last])))

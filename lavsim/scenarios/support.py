@@ -98,6 +98,8 @@ class TJunction(Support):
         if junction is None:
             return self.fits(site)
         before = {way.entry.road_id for way in ways_through(site.town, junction.junction)}
+        if site.ahead(_LENGTH + _END) is None:
+            return f"the route should go on for {_LENGTH + _END:g} m"
         return no_turn(site) or (None if len(before) == 3 else "the next junction is no T")
 
     def script(self, stage: Stage) -> Script:

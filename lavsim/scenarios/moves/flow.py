@@ -23,6 +23,7 @@ CARS = (
 BICYCLES = ("vehicle.bh.crossbike", "vehicle.diamondback.century", "vehicle.gazelle.omafiets")
 GAP = Interval(20.0, 50.0)  # [m]
 _MOST = 48  # vehicles at once
+_STANDING = 0.5  # [m/s] of an ego that is waited for
 _ROOM = 7.0  # [m] between middles below which nobody appears, whatever the gap
 
 
@@ -116,11 +117,11 @@ class ActorFlow:
             yield
 
     def _keep_clear(self) -> None:
-        """Once one of them has touched something all keep their distance: one accident is enough."""
+        """Nobody runs into an ego that stands, and once one has touched something all keep their distance."""
         here = self._column.row >= 0
         if not self._keeps and (self._stage.world.touched[self._column.row[here]] >= 0).any():
             self._keeps = True
-            self._column.keeps[:] = True
+        self._column.keeps[:] = self._keeps or self._stage.world.ego.speed < _STANDING
 
     def _draw_gap(self) -> float:
         return float(self._draws.uniform(self._count, 1, *self._gap)[0])

@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 
 SAME, LEFT, OPPOSITE, RIGHT = "same", "left", "opposite", "right"
 _MOST_PIECES = 8  # lanes that one way through a junction may consist of
+_ROUTE_LEFT = 60.0  # [m] behind the junction: hazards at junctions are over by then
 _MEET = 1.0  # [m] centre lines that come closer than that cross or merge
 
 
@@ -140,6 +141,8 @@ def no_turn(site: Site, *turns: RoadOption, near: float = 20.0, far: float = 60.
     """Why a trigger should not stand at `site`: the next junction is too near or far, or the route does not turn."""
     if not near <= site.to_junction <= far:
         return f"the next junction should begin {near:g} to {far:g} m after the trigger"
+    if site.junction is not None and site.route.length - site.route.distance[site.junction[1]] < _ROUTE_LEFT:
+        return f"the route should go on for {_ROUTE_LEFT:g} m behind the junction"
     if turns and site.turn not in turns:
         return f"the route should go {' or '.join(turn.name.lower() for turn in turns)} there"
     return None
