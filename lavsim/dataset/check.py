@@ -16,6 +16,7 @@ from lavsim.dataset.frames import Keeper
 from lavsim.dataset.plan import PLAN_KEY, PLAN_SCHEMA, CollectPlan
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.record import EpisodeRecord
+from lavsim.dataset.redrive import drives_alike
 from lavsim.dataset.schema import FILES, INFO, TICKS_PER_FRAME, DatasetInfo, FieldSpec, file_of
 from lavsim.dataset.tables import Table
 from lavsim.errors import DatasetError, LavsimError
@@ -45,7 +46,11 @@ Progress = Callable[[int, int], None]  # of (episodes checked, of how many)
 
 
 def check(
-    root: Path, all_blobs: bool = False, town_path: Sequence[Path] = (), progress: Progress | None = None
+    root: Path,
+    all_blobs: bool = False,
+    town_path: Sequence[Path] = (),
+    progress: Progress | None = None,
+    agents: bool = False,
 ) -> list[Finding]:
     """Everything that is wrong with a dataset, nothing if it is well.
 
@@ -57,6 +62,7 @@ def check(
         all_blobs: Decodes all blobs.
         town_path: Folders with towns, for the plan.
         progress: Told after each episode.
+        agents: Asks the agents that drove again, over their logs: their controls must be the recorded ones.
     """
     try:
         info = DatasetInfo.read(root)
@@ -69,7 +75,11 @@ def check(
     refused = any(finding.file.startswith("episodes/") for finding in findings)
     data = None if refused else Dataset(root, town_path)
     for done, record in enumerate(records):
-        findings += _episode(root, info, record, data, all_blobs)
+        found = _episode(root, info, record, data, all_blobs)
+        log = root / file_of("log", record.episode)
+        if agents and not found and log.exists():
+            found += _agent(log, town_path)
+        findings += found
         if progress is not None:
             progress(done + 1, len(records))
     return findings
@@ -207,6 +217,16 @@ def _difference(table: Table, frame: int, snapshot: Snapshot, radius: float) -> 
     }
     row = table.row(frame, expected)
     return next((name for name, value in expected.items() if not np.array_equal(row[name], value)), None)
+
+
+def _agent(log: Path, town_path: Sequence[Path]) -> Iterator[Finding]:
+    """Whether the agent that a log names drives as it did."""
+    try:
+        wrong = drives_alike(log, tuple(town_path))
+    except LavsimError as error:
+        wrong = str(error)
+    if wrong is not None:
+        yield Finding(f"logs/{log.name}", wrong)
 
 
 def _blobs(info: DatasetInfo, record: EpisodeRecord, data: Dataset, all_blobs: bool) -> Iterator[Finding]:

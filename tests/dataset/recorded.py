@@ -26,7 +26,8 @@ def record(root: Path, episode: int, info: DatasetInfo, spec: DriveSpec, ticks: 
     agent = Watched(InProcessAgent(BehaviorAgent))
     agent.start(plan_of(simulation.route, simulation.town))
     suite = SensorSuite(get_scene(simulation.town), agent.sensors(), simulation.draws)
-    writer = EpisodeWriter(root, episode, info, agent)
+    header = {"agent": {"target": "agents.behavior:BehaviorAgent", "config": None}}
+    writer = EpisodeWriter(root, episode, info, agent, log_extra=header)
     run_episode(simulation, agent, [writer], suite, max_ticks=ticks)
     agent.close()
     return writer

@@ -3,11 +3,14 @@
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from agents.behavior import BehaviorAgent
 from lavsim.dataset.check import check
 from lavsim.dataset.files import FileFacts, read_sealed, write_sealed
 from lavsim.dataset.reader import Dataset
@@ -15,6 +18,7 @@ from lavsim.dataset.record import EpisodeRecord
 from lavsim.dataset.schema import VERSION_KEY, DatasetInfo
 from lavsim.dataset.tables import Column, read_table, write_table
 from lavsim.errors import DatasetError, LavsimError
+from lavsim.types import Control
 
 LOG, TABLE, TAR, INDEX = (
     "logs/ep_000001.lavlog", "tables/ep_000001.parquet", "blobs/ep_000001.tar", "blobs/ep_000001.index",
@@ -151,6 +155,20 @@ def reseal(root: Path, name: str, facts: FileFacts) -> None:
     content = read_sealed(root / RECORD, VERSION_KEY, 1)
     content["files"][name] = {"bytes": facts.bytes, "sha256": facts.sha256}
     write_sealed(root / RECORD, content)
+
+
+def test_an_agent_that_drives_differently_by_now_is_found(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert check(recorded, agents=True) == []
+    drive = BehaviorAgent.run_step
+
+    def timid(agent: BehaviorAgent, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
+        control = drive(agent, input_data, timestamp)
+        return replace(control, throttle=0.5 * control.throttle)
+
+    monkeypatch.setattr(BehaviorAgent, "run_step", timid)
+    found = [str(finding) for finding in check(recorded, agents=True)]
+    assert len(found) == 2
+    assert found[1].startswith(f"{LOG}: ep_000001.lavlog: at tick ")
 
 
 def test_drives_recorded_elsewhere_have_no_log(copy: Path) -> None:
