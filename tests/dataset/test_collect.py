@@ -232,3 +232,13 @@ def test_what_is_collected_says_how_much_it_is(collected: Path) -> None:
     made = Collected(collected, tuple(folder.whole_episodes(collected).values()))
     assert made.frames == 36
     assert made.bytes == sum((collected / name).stat().st_size for name in names(collected) if "logs" in name)
+
+
+@pytest.mark.slow
+def test_a_cluster_collects_what_one_process_collects(collected: Path, tmp_path: Path) -> None:
+    ray = pytest.importorskip("ray")
+    try:
+        collect(short_plan(), tmp_path / "data", cluster="local")
+    finally:
+        ray.shutdown()
+    assert digests(tmp_path / "data") == digests(collected)
