@@ -17,6 +17,7 @@ from leaderboard.route_maker import WEATHERS, entry_of
 from leaderboard.routes import RouteEntry
 
 TOWNS_A_TYPE = 2
+TRIES = 120  # ways through a town that are looked at for a type
 CANDIDATES = 4  # stands in a town of which the first good one is taken
 TRAFFIC = "empty"
 THROUGH_TRAFFIC = {"Scenario7", "Scenario8", "Scenario9", "Scenario10", "HardBreakRoute"}  # they act through it
@@ -37,7 +38,8 @@ def hazard_routes(
     """
     number = 0
     for place, (generation, kind) in enumerate(hazard_types() if kinds is None else kinds):
-        found = list(_entries(generation, kind, place, good))
+        found = _entries(generation, kind, place, good)
+        tell(f"{generation} {kind}: {', '.join(entry.town for entry in found)}")
         if len(found) < TOWNS_A_TYPE:
             tell(f"{generation} {kind}: {len(found)} towns have a place for it")
         for entry in found:
@@ -66,8 +68,8 @@ def _entries(generation: str, kind: str, place: int, good: Good | None) -> list[
 def _stands(town: str, generation: str, kind: str) -> list[Stand]:
     """The first few in a town; routes with stop signs are taken where there are no others."""
     where = load_town(town)
-    quiet = list(islice(stands(where, kind, generation), CANDIDATES))
-    return quiet or list(islice(stands(where, kind, generation, quiet=False), CANDIDATES))
+    quiet = list(islice(stands(where, kind, generation, tries=TRIES), CANDIDATES))
+    return quiet or list(islice(stands(where, kind, generation, tries=TRIES, quiet=False), CANDIDATES))
 
 
 def _entry(town: str, stand: Stand, place: int) -> RouteEntry:
