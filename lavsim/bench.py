@@ -9,16 +9,13 @@ from __future__ import annotations
 import os
 import resource
 import sys
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lavsim.episode import EpisodeResult
-from lavsim.log.writer import LogWriter
+from lavsim.dataset.pace import collect_pace, render_pace
 from lavsim.map.planner import get_planner
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.render.scene import get_scene
@@ -29,7 +26,6 @@ from lavsim.types import Control
 
 TOWN = "us_large_a"
 VEHICLES, WALKERS = 100, 50
-TICKS_PER_FRAME = 5  # a dataset keeps every fifth tick
 _ROUNDS = 5
 _WARM_UP = 100  # ticks, until traffic moves
 
@@ -53,7 +49,9 @@ def bench() -> dict[str, float]:
         "world_ticks_per_s": 1.0 / _median_seconds(lambda: simulation.tick(Control(brake=1.0)), 400),
         "suite_ticks_per_s": 1.0 / _median_seconds(lambda: world_and(suite), 40),
         "suite_full_ticks_per_s": 1.0 / _median_seconds(lambda: world_and(full), 20),
-        "log_frames_per_s": 1.0 / _log_seconds(simulation),
+        "collect_frames_per_s": collect_pace().frames_per_s,
+        "log_frames_per_s": collect_pace(log_only=True).frames_per_s,
+        "render_frames_per_s": render_pace().frames_per_s,
         "lidar_ms": 1e3 * _sensor_seconds(simulation, {"type": "sensor.lidar.ray_cast", "id": "lidar", "z": 2.4}),
         "camera_ms": 1e3
         * _sensor_seconds(
@@ -74,21 +72,6 @@ def bench_drive(town: TownMap) -> DriveSpec:
     get_planner(town)
     counts: dict[str, Any] = {"vehicles": VEHICLES, "walkers": WALKERS, "parked": 0.0}
     return DriveSpec(town=town.name, route_id="bench", keypoints=ends, traffic="lav", **counts)
-
-
-def _log_seconds(simulation: Simulation) -> float:
-    """Time of a frame of log: five ticks of the world, all written."""
-    with tempfile.TemporaryDirectory() as folder:
-        writer = LogWriter(Path(folder) / "bench.lavlog")
-        writer.start(simulation)
-
-        def frame() -> None:
-            for _ in range(TICKS_PER_FRAME):
-                writer.observe(simulation.tick(Control(brake=1.0)))
-
-        seconds = _median_seconds(frame, 80)  # 400 ticks: two whole blocks of the log a round
-        writer.finish(EpisodeResult(0, "bench"))
-    return seconds
 
 
 def _sensor_seconds(simulation: Simulation, sensor: dict[str, object]) -> float:
