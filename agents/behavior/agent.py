@@ -13,14 +13,14 @@ from agents.behavior.config import config_of
 from agents.behavior.control import Controller
 from agents.behavior.detour import STANDOFF, Detour
 from agents.behavior.forecast import Forecaster
-from agents.behavior.hazards import RANGE, Ego, meetings
+from agents.behavior.hazards import BRISK, RANGE, Ego, meetings, pressed_by
 from agents.behavior.labels import labels_of
 from agents.behavior.manner import Manner
 from agents.behavior.memory import Memory
 from agents.behavior.path import STEP, PathTracker, ReferencePath, path_of_plan
 from agents.behavior.road import StopPoint, limits_along, stop_points
 from agents.behavior.sight import Seen
-from agents.behavior.speed import stopping, time_to_cover, towards
+from agents.behavior.speed import speed_profile, stopping, time_to_cover, towards
 from agents.behavior.view import View, drawings_of
 from agents.behavior.way import Way
 from agents.privileged import PrivilegedAgent
@@ -40,6 +40,7 @@ SIGN_REACH = 2.5  # [m] before the end of its lane a stop counts for a stop sign
 JUNCTION_OPTIONS = (RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT)
 DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] without a map
 BACKING_AFTER = 3.0  # [s] of standing before an obstacle
+HURRIED = {"limit_share": 1.3, "limit_gap": 0.0, "top_speed": 25.0, "lateral": 3.0}  # with somebody at its back
 LATE = 4.0  # [m/s²] it keeps off obstacles it wants to pass if that braking suffices
 PATIENCE = 20.0  # [s] of standing for others after which it takes the smallest gaps
 
@@ -95,6 +96,7 @@ class Expert:
         self.manner = manner or Manner()
         limits = limits_along(path, town) if town is not None else np.full(len(path), DEFAULT_LIMIT)
         self.way = Way(path, limits, self.manner)
+        self._hurried = speed_profile(path, limits, self.manner.model_copy(update=HURRIED))
         stops: list[StopPoint] = stop_points(path, town) if town is not None else []
         self.stops = [stop for stop in stops if stop.light >= 0]
         self.signs = [stop for stop in stops if stop.light < 0]
@@ -105,6 +107,7 @@ class Expert:
         self._forecaster = Forecaster(town)
         self._memory = Memory()
         self._controller = Controller()
+        self._brisk = self.manner.model_copy(update={"acceleration": max(self.manner.acceleration, BRISK)})
         self._goes: set[int] = set()  # stop lines it decided to cross at yellow
         self._yellow_since: dict[int, float] = {}
         self._signs_done = 0  # stop signs at which it has stood or which lie behind it
@@ -126,6 +129,11 @@ class Expert:
         wanted = path.at(self.way.profile, ahead + 0.5)
         ego = Ego(s, x, y, float(yaw[0]), speed, max(wanted, 1.0), float(half[0]), float(half[1]))
 
+        presses = pressed_by(ego, xyz, yaw, truth["velocities"], truth["sizes"], truth["classes"])
+        if presses > 0.0:  # drives away from it rather than to be run into
+            wanted = max(wanted, min(presses + 0.5, path.at(self._hurried, ahead + 0.5)))
+            ego = ego._replace(wanted=max(wanted, 1.0))
+
         begin = max(int(s / STEP), 0)
         window = path.xy[begin : begin + int(RANGE / STEP)]
         memory = self._memory.update(truth)
@@ -133,8 +141,9 @@ class Expert:
         patience = self._patience(truth, speed)
         met = meetings(path, ego, forecast, self.manner, patience)
         kerb = met.kerb
+        manner = self.manner if patience > 0.5 else self._brisk
         slope = (wanted - path.at(self.way.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
-        bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), self.manner), False)]
+        bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), manner), False)]
         if len(met.acceleration):
             worst = int(np.argmin(met.acceleration))
             held_by = f"actor {int(truth['ids'][forecast.row[worst]])}"
@@ -143,7 +152,7 @@ class Expert:
         bounds.append((f"actor {self.detour.waits_for}", self._gap_to_wait(ego), True))
         bounds.append(("light", self._lights(ego, truth["lights"]), True))
         bounds.append(("stop sign", self._stop_sign(ego), True))
-        bounds.append(("junction", self._junction(ego, met.stop), True))
+        bounds.append(("junction", self._junction(ego, _held(met.stop, forecast.speed, patience)), True))
         bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner), True))
         self.reason, acceleration, self._stops = min(bounds, key=lambda bound: bound[1])
         self.view = View(truth, forecast, s, min(wanted, kerb), acceleration, self.reason)
@@ -166,7 +175,7 @@ class Expert:
         time = float(truth["time"])
         dt = min(max(time - self._time, 0.0), 0.5)
         self._time = time
-        stands = speed < 0.3 and self.reason.startswith("actor")
+        stands = speed < 0.3 and (self.reason.startswith("actor") or self.reason == "junction")
         self._waiting = self._waiting + dt if stands else max(0.0, self._waiting - 4.0 * dt)
         return 1.0 - min(self._waiting / PATIENCE, 1.0)
 
@@ -237,6 +246,11 @@ class Expert:
                 if ego.speed**2 <= 2.0 * 4.0 * max(distance, 0.3):
                     return stopping(ego.speed, distance, self.manner)
         return math.inf
+
+
+def _held(stops: Floats, speeds: Floats, patience: float) -> Floats:
+    """Places where the ego would come to rest in a junction; once it has waited it goes in to wait for who moves."""
+    return stops if patience > 0.5 else np.where(speeds > 1.0, math.inf, stops)
 
 
 def _first_touched(places: Floats, rows: NDArray[np.int64]) -> int:

@@ -30,9 +30,10 @@ REACH = 65.0  # [m] at which an obstacle is gone round
 BACKING_ROOM = 8.0  # [m] kept free behind it when it drives back
 STANDOFF = 10.0  # [m] at which it waits for a gap: nearer, it could not steer past
 CLEARANCE = 0.55  # [m] kept from what stands
-CLEARANCE_RIDER = 0.9  # [m] from who rides
+CLEARANCE_RIDER = 0.9  # [m] from who rides or stands on foot
 SLOW = 4.5  # [m/s] riders slower than that are passed
 STOOD_LONG = 6.0  # [s] after which a vehicle that stands alone is an obstacle
+QUEUE_LASTS = 25.0  # [s] after which a queue of others than the traffic is passed too
 QUEUE_GAP = 12.0  # [m] to somebody ahead, in whose queue it then stands
 LINE_REACH = 35.0  # [m] before a stop line or a junction vehicles stand for it
 JAM = 60.0  # [s] after which one of the traffic is
@@ -108,7 +109,7 @@ class Detour:
         near = neighbours(self._way.base, ego.s, truth)
         if self.shift is not None and self._goes_on(ego, near, truth, memory, hurries):
             return
-        if np.any(sure) or (np.any(long) and self._is_alone(touched, near)):
+        if np.any(sure) or (np.any(long) and self._is_alone(touched, near, self._lasts(truth, memory, touched))):
             blocks = np.logical_or(*_obstacles(truth, memory, near.row))
             self._begin(ego, near, blocks, truth, touched, patience)
         if self.shift is None and hurries >= 0:
@@ -152,15 +153,19 @@ class Detour:
             return False
         return not self._is_free(ego, shift, self._kind, near, 0.5)
 
-    def _is_alone(self, row: int, near: Neighbours) -> bool:
-        """Whether a vehicle stands for itself: in no queue, and not before a light or a junction."""
+    def _is_alone(self, row: int, near: Neighbours, is_lasting: bool) -> bool:
+        """Whether somebody stands for itself: not before a light or a junction, and in no queue unless that lasts."""
         own = np.flatnonzero(near.row == row)
         if not len(own):
             return False
         front = float(near.front[own[0]])
         ahead = (near.rear > front - 1.0) & (near.rear < front + QUEUE_GAP) & (near.left < 1.5) & (near.right > -1.5)
         held = np.any((self._lines > front - 2.0) & (self._lines < front + LINE_REACH))
-        return not held and not np.any(ahead & (np.abs(near.speed) < SLOW))
+        return not held and (is_lasting or not np.any(ahead & (np.abs(near.speed) < SLOW)))
+
+    @staticmethod
+    def _lasts(truth: Mapping[str, Any], memory: Floats, row: int) -> bool:
+        return bool(truth["roles"][row] != Role.TRAFFIC and memory[row, STOOD] > QUEUE_LASTS)
 
     def _begin(
         self,
@@ -265,7 +270,7 @@ def _obstacles(
     """Which of `rows` are to be passed instead of waited for: for sure, and because they have stood for long."""
     kind, role, lights = truth["classes"][rows], truth["roles"][rows], truth["vehicle_lights"][rows]
     speed, stood = memory[rows, SPEED], memory[rows, STOOD]
-    stands = (kind <= ActorClass.BICYCLE) & (speed <= 0.3)
+    stands = (kind <= ActorClass.WALKER) & (speed <= 0.3)
     marked = (role == Role.PROP) | (role == Role.PARKED) | (lights & _FLASHING == _FLASHING) | (lights & _SPECIAL != 0)
     sure = stands & marked
     sure |= (kind == ActorClass.PROP) & (truth["sizes"][rows, 2] > FLAT)
@@ -297,7 +302,7 @@ def _joined(near: Neighbours, chosen: NDArray[np.int64], truth: Mapping[str, Any
     return Obstacle(
         float(near.rear[chosen].min()), float(near.front[chosen].max()), float(near.left[chosen].min()),
         float(near.right[chosen].max()), float(max(near.speed[chosen].max(), 0.0)),
-        bool(np.any(classes == ActorClass.BICYCLE)),
+        bool(np.any((classes == ActorClass.BICYCLE) | (classes == ActorClass.WALKER))),
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.behavior.memory import ACCELERATION, SPEED, TURN
-from agents.behavior.ways import MAX_LANES, MAX_WAYS, Ways, find_ways, roll_way, ways_of
+from agents.behavior.ways import MAX_LANES, MAX_WAYS, Ways, find_ways, roll_back, roll_way, ways_of
 from lavsim.kernel import kernel
 from lavsim.map.town_map import TownMap
 from lavsim.types import ActorClass, VehicleLight
@@ -26,6 +26,7 @@ TIMES: Floats = np.arange(COUNT, dtype=np.float64) * DT
 HORIZON = DT * (COUNT - 1)
 ON_LANE = 1.3  # [m] off the centre, and …
 ALONG_LANE = 0.6  # [rad] off the direction of a lane that a vehicle is taken to follow
+WRONG_WAY, OFF_WRONG_LANE = 2.6, 2.0  # [rad], [m]: who drives against a lane, over the line or by it
 MOVING = 0.3  # [m/s]
 FLAT = 0.3  # [m] things lower than that are driven over
 SAME_LEVEL = 3.0  # [m] actors farther apart in z don't meet
@@ -150,6 +151,11 @@ def _roll_all(
         _cover(speed, min(max(memory[row, ACCELERATION], -6.0), 1.5), travelled)
         off = yaw[row] - hits[i, 3]
         off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
+        if hits[i, 0] >= 0.0 and abs(off) > WRONG_WAY and abs(hits[i, 2]) < OFF_WRONG_LANE:
+            roll_back(ways, int(hits[i, 0]), hits[i, 1], hits[i, 2], travelled, poses[made])
+            index[made] = i
+            made += 1
+            continue
         if hits[i, 0] < 0.0 or abs(hits[i, 2]) > ON_LANE or abs(off) > ALONG_LANE:
             rate = memory[row, TURN] if kind < _WALKER and speed > 1.0 else 0.0
             heading = yaw[row]

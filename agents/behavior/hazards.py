@@ -26,9 +26,10 @@ BEFORE, AFTER = 1.0, 0.5  # [s] between the ego and who crosses: when the ego go
 WALKER_BEFORE, WALKER_AFTER = 1.5, 0.6
 WALL_GAP = 1.8  # [m] to the way of somebody who crosses: nearer, others brake for the nose and nobody goes
 WALKER_GAP = 2.0
-NOMINAL = 1.6  # [m/s²] at which the ego would go
+NOMINAL, BRISK = 1.6, 3.0  # [m/s²] at which the ego would go, at first and once it has waited for long
 CREEP = 6.0  # [m/s] past walkers who stand at the kerb and face the road
 KERB_REACH = 6.0  # [m] from the path
+PRESSED_WITHIN, PRESSED_TIME = 40.0, 4.0  # [m], [s] to contact of who comes up from behind
 KERB_AHEAD = 45.0  # [m]
 
 _WALKER, _PROP = int(ActorClass.WALKER), int(ActorClass.PROP)
@@ -164,12 +165,13 @@ def _judge(
 ) -> tuple[float, float]:
     """Acceleration that a forecast leaves, and where the ego would come to rest."""
     facing = math.cos(poses[when, 2] - course)
+    pull = NOMINAL + (1.0 - patience) * (BRISK - NOMINAL)
     place = base + STEP * first[when]
     gap_now = place - ego.s
     if when and gap_now < 0.6 and _ahead_of(ego, poses[when]) < 0.3 * ego.half_length:
         return math.inf, math.inf  # would run into the ego's side or back: going on is all it can do
     if not is_walker and (speed < 0.3 or facing > 0.7):
-        return _behind(base, ego, speed, facing, when, first, pace)
+        return _behind(base, ego, speed, facing, when, first, pace, pull)
     before, after = (WALKER_BEFORE, WALKER_AFTER) if is_walker else (BEFORE, AFTER)
     low, high, until = math.inf, -math.inf, when
     for k in range(when, len(first)):
@@ -179,29 +181,31 @@ def _judge(
     if is_walker and until == len(first) - 1:
         leaves = math.inf
     top = max(ego.wanted, 2.0)
-    reach = time_to_cover(low - ego.s, ego.speed, NOMINAL, top)
-    clear = time_to_cover(high - ego.s + 0.3, ego.speed, NOMINAL, top)
+    reach = time_to_cover(low - ego.s, ego.speed, pull, top)
+    clear = time_to_cover(high - ego.s + 0.3, ego.speed, pull, top)
     if clear + before * (0.4 + 0.6 * patience) < arrives or reach > leaves + after:
         return math.inf, math.inf
     gap = low - ego.s - (WALKER_GAP if is_walker else WALL_GAP * (0.3 + 0.7 * patience))
     if low - ego.s < 0.05 and arrives > 0.3 and clear < arrives + 0.2:
         return math.inf, math.inf  # in the middle of it and out before the other is there
-    if gap <= 0.2 and low - ego.s > 0.2:
-        gap = 0.2 if ego.speed < 1.0 else low - ego.s - 0.15
+    if gap <= 0.2 and low - ego.s > 0.2 and ego.speed >= 1.0:
+        gap = low - ego.s - 0.15  # too late for the distance that it would keep
     return stop_within(ego.speed, gap, pace), max(low - WALL_GAP, ego.s)
 
 
 @kernel
 def _behind(
-    base: float, ego: Ego, speed: float, facing: float, when: int, first: Floats, pace: Pace
+    base: float, ego: Ego, speed: float, facing: float, when: int, first: Floats, pace: Pace, pull: float
 ) -> tuple[float, float]:
     """The same for somebody who drives ahead on the path, stands there, or comes onto it ahead."""
     leader = speed * max(facing, 0.0) if speed >= 0.3 else 0.0
     gap_now = base + STEP * first[when] - ego.s
     final = first[when]
     if when:  # comes into the way ahead: only if the ego isn't well past by then
-        reach = time_to_cover(gap_now + 2.0 * ego.half_length, ego.speed, NOMINAL, ego.wanted)
-        if reach + BEFORE < TIMES[when]:
+        reach = time_to_cover(gap_now + 2.0 * ego.half_length, ego.speed, pull, ego.wanted)
+        # Who comes from behind then must not catch up with the ego before that is as fast.
+        slower = max(speed - min(ego.speed + pull * reach, ego.wanted), 0.0)
+        if reach + BEFORE + slower * slower / (2.0 * pull * max(speed, 1.0)) < TIMES[when]:
             return math.inf, math.inf
     lowest = math.inf
     for k in range(when, len(first)):
@@ -229,6 +233,25 @@ def _comes_from_behind(ego: Ego, pose: Floats, half_length: float, speed: float)
     reach = ego.half_length + half_length
     similar = math.cos(pose[2] - ego.yaw) > 0.5
     return (ahead < -0.6 * reach and similar and aside < 3.0) or (ahead < -reach and speed < 0.3)
+
+
+@kernel
+def pressed_by(
+    ego: Ego, xyz: Floats, yaw: Floats, velocities: Floats, sizes: NDArray[np.float32], classes: NDArray[np.uint8]
+) -> float:
+    """Speed of who comes up from behind on the ego's lane and would be upon it soon [m/s]; 0 without any."""
+    fastest = 0.0
+    cos, sin = math.cos(ego.yaw), math.sin(ego.yaw)
+    for k in range(1, len(xyz)):
+        if classes[k] >= _WALKER or math.cos(yaw[k] - ego.yaw) < 0.7:
+            continue
+        dx, dy = xyz[k, 0] - ego.x, xyz[k, 1] - ego.y
+        gap = -(dx * cos + dy * sin) - ego.half_length - 0.5 * sizes[k, 0]
+        speed = velocities[k, 0] * cos + velocities[k, 1] * sin
+        closing = speed - ego.speed
+        if -1.0 < gap < PRESSED_WITHIN and abs(dy * cos - dx * sin) < 1.3 and gap < PRESSED_TIME * closing:
+            fastest = max(fastest, speed)
+    return fastest
 
 
 @kernel

@@ -34,6 +34,8 @@ class Ways(NamedTuple):
     points: Floats
     succ_first: Ints
     succ: Ints
+    pred_first: Ints
+    pred: Ints
     junction: Ints
     light: Ints
     turn: NDArray[np.int8]
@@ -44,11 +46,11 @@ def ways_of(town: TownMap | None) -> Ways:
     if town is None:
         floats, ints = _plain(np.zeros(0)), _plain(np.zeros(1, np.int32))
         none = _plain(np.zeros((0, 5)))
-        return Ways(floats, ints, floats, none, ints, ints, ints, ints, _plain(np.zeros(0, np.int8)))
+        return Ways(floats, ints, floats, none, ints, ints, ints, ints, ints, ints, _plain(np.zeros(0, np.int8)))
     t = town.lanes
     return Ways(
         _plain(t.length), _plain(t.first), _plain(t.step), _plain(t.points), _plain(t.succ_first), _plain(t.succ),
-        _plain(t.junction), _plain(t.light), _plain(t.turn),
+        _plain(t.pred_first), _plain(t.pred), _plain(t.junction), _plain(t.light), _plain(t.turn),
     )  # fmt: skip
 
 
@@ -200,3 +202,26 @@ def roll_way(
         out[k, 0] = a[0] + (b[0] - a[0]) * share - aside * math.sin(heading)
         out[k, 1] = a[1] + (b[1] - a[1]) * share + aside * math.cos(heading)
         out[k, 2] = heading
+
+
+@kernel
+def roll_back(ways: Ways, lane: int, u: float, offset: float, travelled: Floats, out: Floats) -> None:
+    """Poses of who drives against a lane's direction, from place `u`, `offset` metres to the right of its middle."""
+    begun = 0.0  # metres covered where `lane` ends behind
+    for k in range(len(travelled)):
+        place = u - (travelled[k] - begun)
+        while place < 0.0 and ways.pred_first[lane] < ways.pred_first[lane + 1]:
+            begun += u
+            lane = ways.pred[ways.pred_first[lane]]
+            u = ways.length[lane]
+            place = u - (travelled[k] - begun)
+        first, last = ways.first[lane], ways.first[lane + 1] - ways.first[lane] - 1
+        position = min(max(place / ways.step[lane], 0.0), last - 1e-6)
+        row = int(position)
+        share = position - row
+        a, b = ways.points[first + row], ways.points[first + row + 1]
+        heading = a[3] + (b[3] - a[3]) * share
+        beyond = min(place, 0.0)
+        out[k, 0] = a[0] + (b[0] - a[0]) * share - offset * math.sin(heading) + beyond * math.cos(heading)
+        out[k, 1] = a[1] + (b[1] - a[1]) * share + offset * math.cos(heading) + beyond * math.sin(heading)
+        out[k, 2] = heading + math.pi

@@ -301,6 +301,15 @@ def test_junction_that_is_blocked_behind_is_not_entered() -> None:
     assert free.x - LENGTH / 2.0 > 50.0
 
 
+def test_it_drives_away_from_who_comes_up_from_behind() -> None:
+    comes = Other(-20.0, 0.0, 0.0, 9.0)
+    road = Road(expert(straight(400.0)), [comes], speed=5.0, x=10.0).drive(20.0)
+    assert road.closest > 0.3
+    alone = Road(expert(straight(400.0)), speed=5.0).drive(20.0)
+    assert max(road.speeds) > 8.8
+    assert max(alone.speeds) < 7.5
+
+
 def test_follower_close_behind_is_no_reason_to_stop() -> None:
     road = Road(expert(), [Other(4.0, 0.0, 0.0, 9.0)], speed=7.0)
     road.others[0].size = (4.5, 2.0, 1.5)

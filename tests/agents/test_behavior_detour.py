@@ -181,3 +181,19 @@ def test_nobody_over_the_line_leaves_it_in_the_middle() -> None:
     road = street([Other(100.0 + 40.0 * k, -LANE, math.pi, 8.0) for k in range(4)]).drive(20.0)
     assert max(abs(road.offsets[0] - offset) for offset in road.offsets) < 0.05
     assert min(road.speeds) > 6.0
+
+
+def test_walker_who_has_stood_for_long_is_passed() -> None:
+    stands = parked(70.0, LANE, Role.SCENARIO, 0, kind=ActorClass.WALKER, size=(0.5, 0.5, 1.8))
+    road = street([stands]).drive(60.0)
+    assert road.closest > 0.3
+    assert road.x > 100.0
+
+
+def test_queue_that_stays_is_passed_late_and_traffic_never() -> None:
+    def queue(role: Role) -> Street:
+        return street([parked(70.0 + 7.0 * k, LANE, role, 0) for k in range(3)])
+
+    assert queue(Role.SCENARIO).drive(20.0).speed == 0.0
+    assert queue(Role.SCENARIO).drive(60.0).x > 110.0
+    assert queue(Role.TRAFFIC).drive(60.0).speed == 0.0
