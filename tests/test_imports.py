@@ -24,9 +24,9 @@ ALLOWED = {
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("__main__", "cli"),
     ("commands",),
+    ("sheets",),
     ("bench",),
     ("dataset",),
-    ("sheets",),
     ("episode", "viewer"),
     ("isolation", "isolation_child"),
     ("agent", "agent_source", "carla_standin", "route_standin", "srunner_standin"),
