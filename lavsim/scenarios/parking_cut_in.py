@@ -13,8 +13,8 @@ from lavsim.scenarios.moves.flow import CARS
 from lavsim.scenarios.moves.follow import LaneFollower
 from lavsim.scenarios.moves.models import pick
 from lavsim.scenarios.moves.park import park
-from lavsim.scenarios.moves.roadside import lane_ahead, must_be_ahead, parking_beside, sign_of
-from lavsim.scenarios.place import Site, line_ahead
+from lavsim.scenarios.moves.roadside import lane_ahead, must_be_ahead, own_line, parking_beside, sign_of
+from lavsim.scenarios.place import Site
 from lavsim.types import VehicleLight
 
 _BLOCKER, _CAR = 28.0, 35.0  # [m] after the trigger
@@ -71,7 +71,7 @@ class ParkingCutIn(Scenario):
         yield from wait.until_arrival(stage.world.ego, place.xy, _WITHIN, _NEAR)
         on_left = self.config.direction == "right"
         car.switch_on(VehicleLight.LEFT_BLINKER if on_left else VehicleLight.RIGHT_BLINKER)
-        follower = LaneFollower(stage, car, line_ahead(place, 10.0 * _END), _SPEED)
+        follower = LaneFollower(stage, car, own_line(stage.site, place, 10.0 * _END), _SPEED)
         follower.start_aside(sign_of(self.config.direction) * float(np.hypot(*(car.xy - place.xy))))
         follower.shift(0.0, _SECONDS)
         yield from wait.beside(wait.driven(car, _END), follower.run())

@@ -14,8 +14,8 @@ from lavsim.scenarios.moves.flow import CARS
 from lavsim.scenarios.moves.follow import LaneFollower
 from lavsim.scenarios.moves.models import pick
 from lavsim.scenarios.moves.park import park
-from lavsim.scenarios.moves.roadside import lane_ahead, must_be_ahead, sign_of
-from lavsim.scenarios.place import Site, beside, line_ahead
+from lavsim.scenarios.moves.roadside import lane_ahead, must_be_ahead, own_line, sign_of
+from lavsim.scenarios.place import Site, beside
 from lavsim.types import VehicleLight
 
 _GAP = 11.0  # [m] from one middle to the next
@@ -82,7 +82,7 @@ class StaticCutIn(Scenario):
         car.switch_off(VehicleLight.BRAKE)
         on_left = self.config.direction == "right"
         car.switch_on(VehicleLight.LEFT_BLINKER if on_left else VehicleLight.RIGHT_BLINKER)
-        follower = LaneFollower(stage, car, line_ahead(place, 3.0 * _PLAN), _SPEED)
+        follower = LaneFollower(stage, car, own_line(stage.site, place, 3.0 * _PLAN), _SPEED)
         follower.start_aside(sign_of(self.config.direction) * float(np.hypot(*(car.xy - place.xy))))
         follower.shift(0.0, _SECONDS)
         yield from wait.first_of(wait.seconds(_LONGEST), wait.driven(car, _PLAN), follower.run())

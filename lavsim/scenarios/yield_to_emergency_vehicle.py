@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.map.town_map import Waypoint
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.enter import clear_line, enter
 from lavsim.scenarios.moves.follow import LaneFollower
 from lavsim.scenarios.moves.models import BLUE_LIGHTS, EMERGENCY, pick
-from lavsim.scenarios.place import Site, beside, join, line_ahead, line_behind
+from lavsim.scenarios.moves.roadside import own_line
+from lavsim.scenarios.place import Site, beside, join, line_behind
 from lavsim.world.snapshot import HAZARD_EMERGENCY_TEST
 
 _FASTER = 25.0  # [m/s] than the ego
@@ -84,12 +84,7 @@ class YieldToEmergencyVehicle(Scenario):
         yield from wait.first_of(waited, passed, _chase(stage, self._car))
 
     def _line(self, site: Site) -> NDArray[np.float64]:
-        own = set(site.route.lane[site.index :].tolist())
-
-        def follow(_: Waypoint, lanes: list[int]) -> int:
-            return next((lane for lane in lanes if lane in own), lanes[0])
-
-        return join(line_behind(site.anchor, self.config.distance), line_ahead(site.anchor, _ROAD, follow))
+        return join(line_behind(site.anchor, self.config.distance), own_line(site, site.anchor, _ROAD))
 
 
 def _chase(stage: Stage, car: LaneFollower) -> Script:

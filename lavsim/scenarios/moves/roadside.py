@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lavsim.map.town_map import MOST_STEPS, Waypoint
-from lavsim.scenarios.place import Site, beside
+from lavsim.scenarios.place import Site, beside, line_ahead
 from lavsim.types import LaneType
 
 NARROWEST_SLOT = 1.9  # [m] a parking lane where a car can stand
@@ -37,6 +40,12 @@ def must_be_ahead(site: Site, distance: float) -> Waypoint:
     place = lane_ahead(site, distance)
     assert place is not None
     return place
+
+
+def own_line(site: Site, start: Waypoint, length: float) -> NDArray[np.float64]:
+    """Lane centres (N, 2) from `start` on for `length` metres, by the route's branches [m]."""
+    own = set(site.route.lane[site.index :].tolist())
+    return line_ahead(start, length, lambda _, lanes: next((lane for lane in lanes if lane in own), lanes[0]))
 
 
 def parking_beside(waypoint: Waypoint, side: str) -> Waypoint | None:
