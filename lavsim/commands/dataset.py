@@ -256,7 +256,8 @@ def _print_statistics(statistics: dict[str, Any]) -> None:
         False,
     )
     for name, counts in statistics["shares"].items():
-        total = sum(counts.values())
+        # Kinds of frames may overlap, as rain and night do; those of actors can't.
+        total = sum(counts.values()) if name == "actor_class" else statistics["frames"]
         label = name.replace("_", " ")
         print_list(
             [

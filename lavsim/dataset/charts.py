@@ -15,8 +15,11 @@ from lavsim.errors import OutputError
 
 _BARS = 40  # bins of a chart at most
 _INK, _BAR, _SOFT = "#28282c", "#3c78c8", "#b8c8e0"
-_SHARES = (("command", "frames by command"), ("brake_cause", "full stops by cause"),
-           ("actor_class", "actors by class, of all frames"), ("weather", "frames by weather"))  # fmt: skip
+_SHARES = (
+    ("command", "frames by command"), ("motion", "frames by motion"),
+    ("brake_cause", "frames by what is braked for"), ("actor_class", "actors by class, of all frames"),
+    ("weather", "frames by weather"),
+)  # fmt: skip
 _TITLES = {
     "speed": "speed of the ego", "turn": "turn in the next 2.5 s", "steer": "steer", "vehicles": "vehicles in a frame",
     "walkers": "walkers in a frame", "vehicle_distance": "distance to vehicles", "walker_distance":

@@ -20,6 +20,7 @@ from lavsim.types import ActorClass, RoadOption, Role
 
 _TURN_FRAMES = 10  # a turn is how far the heading goes in LAV's horizon of 2.5 s
 _REACH = 50.0  # [m]
+_STANDING = 0.1  # [m/s] slower is standing, as for the recorder
 _RING = 10.0  # [m] of distance that "seen" is told for
 
 COMMANDS: dict[int, str] = {
@@ -96,7 +97,7 @@ class Statistics:
     Attributes:
         frames: How many.
         histograms: By name of `QUANTITIES`.
-        shares: Counts by name, then by kind: command, brake_cause, actor_class, weather.
+        shares: Counts by name, then by kind: command, motion, brake_cause, actor_class, weather.
         seen: (R, 2) of vehicles by rings of distance: how many any sensor saw, how many there were.
     """
 
@@ -180,7 +181,13 @@ def statistics_of(table: Table) -> Statistics:
     return Statistics(
         len(table),
         {name: Histogram.of(numbers[name], quantity.edges) for name, quantity in QUANTITIES.items()},
-        {"command": commands, "brake_cause": causes, "actor_class": classes, "weather": weather},
+        {
+            "command": commands,
+            "motion": _motion(table),
+            "brake_cause": causes,
+            "actor_class": classes,
+            "weather": weather,
+        },
         seen,
     )
 
@@ -248,6 +255,17 @@ def _turns(ticks: NDArray[np.int32], yaw: NDArray[np.float64]) -> NDArray[np.flo
     joined = ticks[_TURN_FRAMES:] - ticks[:-_TURN_FRAMES] == _TURN_FRAMES * TICKS_PER_FRAME
     turned: NDArray[np.float64] = (course[_TURN_FRAMES:] - course[:-_TURN_FRAMES])[joined]
     return turned
+
+
+def _motion(table: Table) -> dict[str, int]:
+    """Frames in which the ego moves, stands, and, of either, those in which it is braked to a stop."""
+    stands = np.abs(_column(table, "speed")) < _STANDING
+    found = {
+        "moves": int((~stands).sum()),
+        "stands": int(stands.sum()),
+        "full stop": int(_column(table, "brake").sum()),
+    }
+    return {name: count for name, count in found.items() if count}
 
 
 def _weathers(weather: NDArray[np.float32]) -> dict[str, int]:

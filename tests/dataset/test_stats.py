@@ -51,6 +51,7 @@ def test_a_table_is_counted() -> None:
     found = statistics.to_json()
     assert found["frames"] == 2
     assert found["shares"]["command"] == {"follow": 1, "left": 1}
+    assert found["shares"]["motion"] == {"full stop": 1, "moves": 1, "stands": 1}
     assert found["shares"]["brake_cause"] == {"light": 1, "none": 1}
     assert found["shares"]["actor_class"] == {"car": 3, "walker": 1}
     assert found["quantities"]["speed"]["most"] == 36.0
