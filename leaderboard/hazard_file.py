@@ -10,7 +10,6 @@ from dataclasses import replace
 from itertools import islice
 
 from lavsim.map.town_map import load_town, town_names
-from lavsim.scenarios.base import SCENARIOS
 from lavsim.world.weather import WeatherKeyframe
 from leaderboard.hazard_maker import Stand, hazard_types, stands
 from leaderboard.route_maker import WEATHERS, entry_of
@@ -34,32 +33,30 @@ def hazard_routes(
         kinds: What to draw routes for.
         good: Takes or refuses a route; where a town has no good one among its first, the first is taken if no other
             town has one.
-        tell: Is told of types that stand in fewer than two towns.
+        tell: Is told of each type in which towns it stands.
     """
     number = 0
     for place, (generation, kind) in enumerate(hazard_types() if kinds is None else kinds):
         found = _entries(generation, kind, place, good)
         tell(f"{generation} {kind}: {', '.join(entry.town for entry in found)}")
-        if len(found) < TOWNS_A_TYPE:
-            tell(f"{generation} {kind}: {len(found)} towns have a place for it")
         for entry in found:
             yield replace(entry, id=str(number))
             number += 1
 
 
 def _entries(generation: str, kind: str, place: int, good: Good | None) -> list[RouteEntry]:
-    """Routes of one type: towns are tried in turn, beginning with another one for each type."""
+    """Routes of one type: towns are tried in turn, beginning with another one for each type.
+
+    Where only one town has a place for it, as for what needs a motorway, both routes lead through that one.
+    """
     towns, taken, spare = town_names(), list[RouteEntry](), list[RouteEntry]()
     for offset in range(len(towns)):
         name = towns[(place + offset) % len(towns)]
-        entries = [
-            _entry(name, stand, place) for stand in islice(stands(load_town(name), kind, generation), CANDIDATES)
-        ]
+        entries = [_entry(name, stand, place) for stand in _stands(name, generation, kind)]
         fine = next((entry for entry in entries if good is None or good(entry)), None)
         if fine is not None:
             taken.append(fine)
-        elif entries:
-            spare.append(entries[0])
+        spare += [entry for entry in entries if entry is not fine]
         if len(taken) == TOWNS_A_TYPE:
             break
     return (taken + spare)[:TOWNS_A_TYPE]
@@ -77,8 +74,3 @@ def _entry(town: str, stand: Stand, place: int) -> RouteEntry:
     entry = entry_of(load_town(town), "0", stand.route.keypoints, (WeatherKeyframe(0.0, weather),))
     traffic = "lav" if stand.spec.type in THROUGH_TRAFFIC else TRAFFIC
     return replace(entry, scenarios=(stand.spec,), traffic=traffic)
-
-
-def acts(generation: str, kind: str) -> bool:
-    """Whether a type scripts anything."""
-    return SCENARIOS[generation, kind].acts

@@ -84,7 +84,7 @@ class FlowScenario(Scenario):
         return None if lines else "nobody's way meets that of the route"
 
     def suits(self, site: Site) -> str | None:
-        return self.fits(site) or no_turn(site, *self.turns) or has_light(site)
+        return no_turn(site, *self.turns) or has_light(site) or self.fits(site)  # what is quick to tell first
 
     def place(self, stage: Stage) -> None:
         self._ways = self._lines(stage.site)
@@ -198,10 +198,13 @@ class HighwayExit(FlowScenario):
     """
 
     def suits(self, site: Site) -> str | None:
-        reason = self.fits(site) or no_turn(site, near=40.0, far=250.0)
+        if (reason := no_turn(site, near=40.0, far=250.0)) is not None:
+            return reason
         end = site.index if site.junction is None else site.junction[0]
         changes = site.route.command[site.index : end] == int(RoadOption.CHANGELANERIGHT)
-        return reason or (None if changes.any() else "the route should change to the right lane before the junction")
+        if not changes.any():
+            return "the route should change to the right lane before the junction"
+        return self.fits(site)
 
     def _lines(self, site: Site) -> list[Line]:
         if self.config.start_actor_flow is not None:

@@ -62,9 +62,9 @@ class HighwayCutIn(Scenario):
         return None if _alongside(site, line) is not None else "the car's way does not run along the route"
 
     def suits(self, site: Site) -> str | None:
-        reason = self.fits(site) or no_turn(site, near=40.0, far=150.0) or has_light(site)
-        fast = site.anchor.speed_limit >= _HIGHWAY
-        return reason or (None if fast else f"the speed limit is below {3.6 * _HIGHWAY:.0f} km/h")
+        if site.anchor.speed_limit < _HIGHWAY:  # asked first, as it is quick to tell
+            return f"the speed limit is below {3.6 * _HIGHWAY:.0f} km/h"
+        return no_turn(site, near=40.0, far=150.0) or has_light(site) or self.fits(site)
 
     def place(self, stage: Stage) -> None:
         line = self._line(stage.site)
