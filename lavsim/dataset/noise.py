@@ -6,6 +6,7 @@ draws, tick and speed, so a log tells both again.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -19,7 +20,9 @@ from lavsim.types import DT, Control
 from lavsim.world.dynamics import steer_curvature
 
 _FULL_STEER = steer_curvature(1.0)  # [1/m]
-_SLOWEST = 2.0  # [m/s] below this speed a burst is no stronger
+_SLOWEST = 3.0  # [m/s] below this speed a burst is no stronger
+_STANDS = 0.5  # [m/s] who is slower is left alone
+_WEAKEST = 0.4  # share of the largest push that a burst has at least
 
 
 class ControlNoise(Config):
@@ -32,11 +35,11 @@ class ControlNoise(Config):
     learning", section V.
     """
 
-    every: float = Field(default=6.0, gt=0.0, description="length of a span [s]")
+    every: float = Field(default=5.0, gt=0.0, description="length of a span [s]")
     share: float = Field(default=0.5, ge=0.0, le=1.0, description="of spans that have a burst")
-    shortest: float = Field(default=0.5, gt=0.0, description="duration of a burst [s]")
-    longest: float = Field(default=1.5, gt=0.0, description="duration of a burst [s]")
-    push: float = Field(default=2.0, ge=0.0, description="largest lateral acceleration that a burst adds [m/s²]")
+    shortest: float = Field(default=0.8, gt=0.0, description="duration of a burst [s]")
+    longest: float = Field(default=2.0, gt=0.0, description="duration of a burst [s]")
+    push: float = Field(default=5.0, ge=0.0, description="largest lateral acceleration that a burst adds [m/s²]")
     most: float = Field(default=0.3, ge=0.0, le=1.0, description="largest steer that a burst adds")
 
     @model_validator(mode="after")
@@ -53,6 +56,8 @@ class ControlNoise(Config):
             tick: Of the world.
             speed: The ego's [m/s].
         """
+        if speed < _STANDS:
+            return 0.0
         time = tick * DT
         span = int(time / self.every)
         has, begin, lasts, strength = draws.stream("control noise").uniform(span, 4).tolist()
@@ -62,7 +67,9 @@ class ControlNoise(Config):
         share = (time - span * self.every - begin * (self.every - length)) / length
         if not 0.0 < share < 1.0:
             return 0.0
-        curvature = self.push * (2.0 * strength - 1.0) / max(speed, _SLOWEST) ** 2
+        side = 2.0 * strength - 1.0
+        push = self.push * math.copysign(_WEAKEST + (1.0 - _WEAKEST) * abs(side), side)
+        curvature = push / max(speed, _SLOWEST) ** 2
         steer = min(max(curvature / _FULL_STEER, -self.most), self.most)
         return float(steer * (1.0 - abs(2.0 * share - 1.0)))
 

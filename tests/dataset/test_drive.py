@@ -72,7 +72,7 @@ def test_rendering_tells_its_frames_too(tmp_path: Path) -> None:
 
 
 def test_an_agent_is_held_to_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    log = log_of(tmp_path, episode_frames=24, noise=ControlNoise(share=1.0, every=1.5))
+    log = log_of(tmp_path, episode_frames=24, noise=ControlNoise(share=1.0, every=2.0))
     assert drives_alike(log) is None
     monkeypatch.setattr(ControlNoise, "steer", lambda *_: 0.0)
     assert "drives differently" in str(drives_alike(log))

@@ -83,7 +83,7 @@ def test_counts_are_the_profiles_unless_given() -> None:
         ({"weathers": ("ClearNon",)}, "no weather 'ClearNon'. Did you mean 'ClearNoon'"),
         ({"traffic": "lavv"}, "no traffic profile 'lavv'. Did you mean 'lav'"),
         ({"town": "x"}, "unknown key 'town'. Did you mean 'towns'"),
-        ({"noise": {"shortest": 3.0, "longest": 2.0}}, "noise: bursts of 3 to 2 s must fit into 6 s"),
+        ({"noise": {"shortest": 3.0, "longest": 2.0}}, "noise: bursts of 3 to 2 s must fit into 5 s"),
     ],
 )
 def test_a_plan_that_can_not_be_meant_is_refused_in_one_line(change: dict[str, object], message: str) -> None:

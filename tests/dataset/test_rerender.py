@@ -20,7 +20,7 @@ from lavsim.dataset.rerender import render
 from lavsim.errors import DatasetError, LogError, OutputError
 from tests.dataset.collected import digests, short_plan
 
-PLAN = short_plan(frames=20, noise=ControlNoise(share=1.0, every=1.5))
+PLAN = short_plan(frames=20, noise=ControlNoise(share=1.0, every=2.0))
 
 
 @pytest.fixture(scope="module")
