@@ -39,7 +39,9 @@ class Controller:
         self, path: ReferencePath, s: float, offset: float, yaw: float, speed: float, acceleration: float
     ) -> Control:
         """Pedals and wheel for a vehicle at `s` with `offset` to the right of the path [m]."""
-        steer = self._steering(path, s, offset, yaw, speed)
+        if speed > 0.05 or acceleration > 0.0:  # wheels are not turned at rest
+            self._steering(path, s, offset, yaw, speed)
+        steer = min(max(self._steer, -1.0), 1.0)
         step = JERK * DT
         if acceleration > EMERGENCY:
             low = min(self._acceleration, 0.0) - step
@@ -55,7 +57,7 @@ class Controller:
         self._steer = 0.0
         return Control(throttle=BACKING_THROTTLE if speed > -BACKING_SPEED else 0.0, reverse=True)
 
-    def _steering(self, path: ReferencePath, s: float, offset: float, yaw: float, speed: float) -> float:
+    def _steering(self, path: ReferencePath, s: float, offset: float, yaw: float, speed: float) -> None:
         """Steers the course, not the heading: in the fitted bicycle the slip angle follows the wheel at once.
 
         The course is set to the path's plus a correction for the offset; the heading then follows with the length
@@ -69,7 +71,6 @@ class Controller:
         wheel = math.atan((FRONT_LENGTH + REAR_LENGTH) / REAR_LENGTH * math.tan(slip))
         wanted = wheel / MAX_WHEEL_ANGLE
         self._steer = min(max(wanted, self._steer - STEER_RATE), self._steer + STEER_RATE)
-        return min(max(self._steer, -1.0), 1.0)
 
 
 def pedals(speed: float, acceleration: float) -> tuple[float, float]:

@@ -42,6 +42,7 @@ RAMP_TIME, RAMP_LEAST, RAMP_MOST = 2.2, 10.0, 32.0  # [s], [m], [m]
 JOINED = 18.0  # [m] between obstacles that are passed in one go
 STRAIGHT = 0.03  # [1/m] it passes nothing in sharper bends
 GIVING_UP = 3.5  # [m/s²] braking for it
+STUCK = 0.75  # patience with which it gives up a pass in which it has come to stand
 OUT = 0.35  # of the way aside, up to which it gives up what it began
 
 _FLASHING = int(VehicleLight.LEFT_BLINKER | VehicleLight.RIGHT_BLINKER)
@@ -107,7 +108,7 @@ class Detour:
         if self.shift is None and not (np.any(sure | long) or is_faced or hurries >= 0):
             return
         near = neighbours(self._way.base, ego.s, truth)
-        if self.shift is not None and self._goes_on(ego, near, truth, memory, hurries):
+        if self.shift is not None and self._goes_on(ego, near, truth, memory, hurries, patience):
             return
         if np.any(sure) or (np.any(long) and self._is_alone(touched, near, self._lasts(truth, memory, touched))):
             blocks = np.logical_or(*_obstacles(truth, memory, near.row))
@@ -118,7 +119,9 @@ class Detour:
         if self.shift is None and is_faced:
             self._take(ego, keep_right(ego, near, partial(self._leads, ego)), KEEPS_RIGHT)
 
-    def _goes_on(self, ego: Ego, near: Neighbours, truth: Mapping[str, Any], memory: Floats, hurries: int) -> bool:
+    def _goes_on(
+        self, ego: Ego, near: Neighbours, truth: Mapping[str, Any], memory: Floats, hurries: int, patience: float
+    ) -> bool:
         """Whether it stays aside; the shift is fitted to what is there now."""
         shift = self.shift
         assert shift is not None
@@ -127,7 +130,7 @@ class Detour:
         elif self._kind == KEEPS_RIGHT:
             self._take(ego, kept_right(ego, near, shift, partial(self._leads, ego)), self._kind)
             return False
-        elif self._gives_up(ego, near):
+        elif self._gives_up(ego, near) or (ego.speed < 0.1 and patience < STUCK and ego.s < shift.full):
             self._end()
         else:
             self._prolong(ego, near, np.logical_or(*_obstacles(truth, memory, near.row)), truth)
@@ -274,7 +277,9 @@ def _obstacles(
     marked = (role == Role.PROP) | (role == Role.PARKED) | (lights & _FLASHING == _FLASHING) | (lights & _SPECIAL != 0)
     sure = stands & marked
     sure |= (kind == ActorClass.PROP) & (truth["sizes"][rows, 2] > FLAT)
-    sure |= (kind == ActorClass.BICYCLE) & (speed < SLOW) & (role != Role.TRAFFIC)
+    along = np.cos(truth["yaw"][rows] - truth["yaw"][0]) > 0.8
+    rides = (kind == ActorClass.BICYCLE) & (speed > 0.3) & (speed < SLOW)
+    sure |= rides & along & (role != Role.TRAFFIC)
     return sure, stands & (stood > np.where(role == Role.TRAFFIC, JAM, STOOD_LONG))
 
 
