@@ -105,8 +105,11 @@ class ActorFlow:
         self._keep_clear()
         self._pause -= 1
         last = float(np.min(column.at[column.row >= 0], initial=np.inf))
-        if self._pause < 0 and last >= self._next_gap and self._may_come() and self._spawn(0.0):
-            self._next_gap = self._draw_gap()
+        if self._pause < 0 and last >= self._next_gap and self._may_come():
+            if self._spawn(0.0):
+                self._next_gap = self._draw_gap()
+            else:  # the lane belongs to the stream: the original takes background traffic off it
+                self._stage.traffic.make_room(self.line.xy[0], _ROOM)
         column.wanted[:] = self.speed
         step_column(self._stage, self.line, column, self._limits)
 

@@ -10,7 +10,7 @@ from lavsim.scenarios.moves.pursuit import line_of
 
 _MEET = 1.2  # [m] of a line from the route where the two meet
 _STEP = 0.5  # [m] between the points of a `Line`
-_SLOWEST = 5.0  # [m/s] that the ego is taken to drive at least
+_SLOWEST = 7.0  # [m/s] that the ego is taken to drive at least
 
 
 def phase_to_meet(stage: Stage, line: NDArray[np.float64], speed: float) -> float | None:
