@@ -166,12 +166,12 @@ class _FramesBar:
                 markup=False,
                 soft_wrap=True,
             )
-        left = max(progress.wanted - progress.frames, 0) / rate if rate > 0.0 else 0.0
+        left = _duration(max(progress.wanted - progress.frames, 0) / rate) if rate > 0.0 else "?"
         self._bars.update(
             self._task,
             description=f"{self._verb} {progress.frames}/{progress.wanted} frames",
             completed=100.0 * min(progress.frames / max(progress.wanted, 1), 1.0),
-            rest=f"{rate:.1f} frames/s, {_duration(left)} left, {_size(progress.bytes)} ({_size(progress.free)} free)",
+            rest=f"{rate:.1f} frames/s, {left} left, {_size(progress.bytes)} ({_size(progress.free)} free)",
         )
 
     def __exit__(self, *_: object) -> None:
