@@ -1,0 +1,91 @@
+"""The bundled file of hazards: every type in two towns, each where it can stand."""
+
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+from lavsim.errors import LavsimError
+from lavsim.map.planner import get_planner
+from lavsim.map.town_map import load_town
+from lavsim.scenarios.skeleton import skeleton
+from leaderboard.hazard_file import TRAFFIC, hazard_routes
+from leaderboard.hazard_maker import hazard_types
+from leaderboard.route_check import check_routes
+from leaderboard.route_writer import write_routes
+from leaderboard.routes import read_routes
+
+THROUGH_TRAFFIC = {"Scenario7", "Scenario8", "Scenario9", "Scenario10", "HardBreakRoute"}
+ONE_TOWN = {"HighwayCutIn"}  # a slip road onto a motorway: one of our towns has them
+DOCS = Path(__file__).parents[2] / "docs" / "scenarios.md"
+
+
+def test_every_type_has_two_routes_in_different_towns() -> None:
+    towns: dict[tuple[str, str], set[str]] = defaultdict(set)
+    for entry in read_routes("hazards"):
+        assert len(entry.scenarios) == 1
+        hazard = entry.scenarios[0]
+        towns[hazard.generation, hazard.type].add(entry.town)
+        assert entry.traffic == ("lav" if hazard.type in THROUGH_TRAFFIC else "empty")
+    assert set(towns) == set(hazard_types())
+    assert {key[1] for key, where in towns.items() if len(where) < 2} <= ONE_TOWN
+
+
+@pytest.mark.slow
+def test_routes_are_150_to_400_m_long() -> None:
+    for entry in read_routes("hazards"):
+        route = get_planner(load_town(entry.town)).trace(entry.keypoints)
+        assert 150.0 <= route.length <= 400.0, entry.source
+
+
+@pytest.mark.slow
+def test_nothing_is_wrong_in_it() -> None:
+    assert check_routes("hazards") == []
+
+
+ROUTE = """<routes traffic="empty"><route id="0" town="eu_small_a"{route}>
+<waypoints><position x="0" y="0" z="0"/><position x="50" y="0" z="0"/></waypoints>
+<scenarios><scenario name="a" type="Scenario3"{scenario}><trigger_point x="0" y="0" z="0"/></scenario></scenarios>
+</route></routes>"""
+
+
+@pytest.mark.parametrize(
+    ("route", "scenario", "message"),
+    [
+        ("", ' generation="3.0"', r"line 3: generation of a scenario must be 1.0 or 2.x, got '3.0'"),
+        (' traffic="leaderbord"', "", r"no traffic profile 'leaderbord'. Did you mean 'leaderboard'\?"),
+    ],
+)
+def test_a_generation_or_profile_that_is_none_is_told(tmp_path: Path, route: str, scenario: str, message: str) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(ROUTE.format(route=route, scenario=scenario))
+    with pytest.raises(LavsimError, match=message):
+        read_routes(file)
+
+
+def test_a_route_names_its_own_traffic_and_its_hazards_generation(tmp_path: Path) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(ROUTE.format(route=' traffic="lav"', scenario=' generation="1.0"'))
+    entry = read_routes(file)[0]
+    assert (entry.traffic, entry.scenarios[0].generation) == ("lav", "1.0")
+    file.write_text(ROUTE.format(route="", scenario=""))
+    entry = read_routes(file)[0]
+    assert (entry.traffic, entry.scenarios[0].generation) == ("empty", "2.x")
+
+
+@pytest.mark.slow
+def test_a_hazard_survives_the_file(tmp_path: Path) -> None:
+    entries = list(hazard_routes([("1.0", "Scenario3"), ("2.x", "DynamicObjectCrossing")]))
+    file = tmp_path / "some.xml"
+    file.write_bytes(write_routes(entries, TRAFFIC))
+    again = read_routes(file)
+    assert [e.scenarios[0].type for e in again] == [e.scenarios[0].type for e in entries]
+    assert [e.town for e in again] == [e.town for e in entries]
+    assert check_routes(file) == []
+
+
+def test_the_tutorial_shows_the_file_that_the_command_writes() -> None:
+    text = DOCS.read_text(encoding="utf-8")
+    assert skeleton("RollingBin") in text
+    for generation, kind in hazard_types("1.0"):
+        assert kind in text or generation != "1.0" or kind in ("Scenario8", "Scenario9")
