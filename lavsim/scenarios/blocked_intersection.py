@@ -18,6 +18,7 @@ from lavsim.world.snapshot import HAZARD_OWNS_TIMER
 _BEHIND = 5.0  # [m] of its middle from where the route leaves the junction
 _NEAR = 13.0  # [m] of the ego
 _STANDS = 10.0  # [s] from then on
+_LONGEST = 60.0  # [s] that it stands in all
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class BlockedIntersection(Scenario):
     """NHTSA pre-crash type: lead vehicle stopped, out of sight until the turn.
 
     A car stands 5 m behind the junction on the ego's way. 10 s after the ego has come within 13 m it drives off: it is
-    taken away, and the hazard is over. It owns a timer of 240 s.
+    taken away, and the hazard is over, as it is after 60 s at most: traffic that waits behind the car may keep the ego
+    from ever coming. It owns a timer of 240 s.
 
     Parameters: none.
 
@@ -56,5 +58,5 @@ class BlockedIntersection(Scenario):
     def script(self, stage: Stage) -> Script:
         stage.flags.set(HAZARD_OWNS_TIMER)
         car = self.actors[0]
-        yield from wait.until(lambda: wait.gap_to(car, stage.world.ego.xy) < _NEAR)
-        yield from wait.seconds(_STANDS)
+        comes = wait.until(lambda: wait.gap_to(car, stage.world.ego.xy) < _NEAR)
+        yield from wait.first_of(wait.in_turn(comes, wait.seconds(_STANDS)), wait.seconds(_LONGEST))

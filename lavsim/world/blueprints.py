@@ -149,7 +149,7 @@ _PROPS: tuple[tuple[str, tuple[float, float, float], float, tuple[Colour, ...]],
     ("box03", (0.661, 0.670, 0.649), 10.0, _BROWN),
     ("busstop", (3.876, 1.894, 2.739), _IMMOVABLE, ((120, 140, 150),)),
     ("busstoplb", (1.894, 3.876, 2.739), _IMMOVABLE, ((120, 140, 150),)),
-    ("cardoor", (0.10, 0.95, 1.20), _IMMOVABLE, _GREY),  # ours: an open door, for the touch
+    ("cardoor", (0.12, 0.95, 1.20), _IMMOVABLE, _GREY),  # ours: an open door, for the touch
     ("chainbarrier", (1.494, 0.239, 0.889), _IMMOVABLE, _GREY),
     ("clothcontainer", (1.239, 1.887, 1.810), _IMMOVABLE, _GREEN),
     ("constructioncone", (0.344, 0.344, 0.586), 5.0, _ORANGE),
