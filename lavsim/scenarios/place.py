@@ -56,6 +56,11 @@ class Site:
         index = int(np.searchsorted(self.route.distance, self.at + distance - 1e-6))
         return index if index < len(self.route) else None
 
+    def bends(self, begin: float, end: float) -> float:
+        """How far the route's direction spreads from `begin` to `end` metres after the trigger [rad]."""
+        first, last = np.searchsorted(self.route.distance, (self.at + begin, self.at + end))
+        return float(np.ptp(np.unwrap(self.route.yaw[first : last + 1]))) if last > first else 0.0
+
     @cached_property
     def junction(self) -> tuple[int, int] | None:
         """First and last point of the route in the next junction (the trigger's own if it lies in one); None: none."""

@@ -24,6 +24,10 @@ _FARTHER, _TRIES = 0.4, 20  # [m] and how often the place is tried farther on wh
 _SPEED, _SPEED_PER_LANE = 3.0, 0.4  # [m/s]
 _ON = 5.0  # [m] that the ego drives on while the walker crosses
 _END = 40.0  # [m]
+_RUN_UP, _BEND = (
+    45.0,
+    0.25,
+)  # [m] of straight road before the trigger, [rad]: who comes slowly passes in front of nobody
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,8 @@ class DynamicObjectCrossing(Scenario):
         distance = self.config.distance + _DISTANCE_PER_LANE * steps
         if place.to_junction(site.anchor) < distance + 5.0:
             return f"a junction lies less than {distance + 5.0:.0f} m after it"
+        if site.at < _RUN_UP or site.bends(-_RUN_UP, distance) > _BEND:
+            return "the ego would come slowly, round a bend or from its start"
         if site.changes_lane(distance + 10.0):
             return "the route changes lanes or ends"
         if place.kerb(site.anchor, "right") > lane.width + abs(_offset(site.anchor, lane)) - 0.3:
