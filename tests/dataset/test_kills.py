@@ -45,14 +45,15 @@ def workers_of(process: subprocess.Popen[bytes]) -> list[int]:
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 def test_a_collection_killed_in_the_middle_of_an_episode_goes_on(tmp_path: Path) -> None:
     root = tmp_path / "data"
-    process = begin(root, 30, 12, "--log-only")
+    plan = short_plan(frames=300, episode_frames=60)
+    process = begin(root, 300, 60, "--log-only")
     deadline = time.monotonic() + 120.0
     while not list(root.glob("logs/*.partial")) and time.monotonic() < deadline:
         time.sleep(0.002)
     os.kill(process.pid, signal.SIGKILL)  # its workers see to it themselves that they end
-    process.wait()
-    collect(short_plan(), root, resume=True)
-    collect(short_plan(), tmp_path / "alone")
+    assert process.wait() == -signal.SIGKILL
+    collect(plan, root, resume=True)
+    collect(plan, tmp_path / "alone")
     assert digests(root) == digests(tmp_path / "alone")
     assert not check(root)
 
