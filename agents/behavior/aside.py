@@ -28,7 +28,8 @@ RAMP_TIME, RAMP_LEAST, RAMP_MOST = 2.2, 12.0, 32.0  # [s], [m], [m]
 TIGHTEST = 0.2  # [1/m]
 FACED_AHEAD = 70.0  # [m]
 FACED_CLEAR = 0.35  # [m] kept from who comes against it
-KEEP_RIGHT = (1.0, 0.7, 0.4)  # [m] at most, as the lane allows
+KEEP_RIGHT = (1.2, 1.0, 0.8, 0.6, 0.4)  # [m] at most, as the lane allows
+FACED_STRETCHES = (FACED_AHEAD, 45.0, 25.0)  # [m] for which it keeps right at first
 
 _SPECIAL = int(VehicleLight.SPECIAL1 | VehicleLight.SPECIAL2)
 
@@ -82,12 +83,13 @@ def keep_right(ego: Ego, near: Neighbours, ground: Ground) -> Shift | None:
     needed = float(near.right[comes].max()) + FACED_CLEAR + ego.half_width
     if needed <= 0.05:
         return None
-    leave = ego.s + FACED_AHEAD
     for most in KEEP_RIGHT:
         offset = min(needed, most)
-        ramp = max(8.0, math.sqrt(BEND * offset / TIGHTEST), ego.speed)
-        if ground(ego.s + ramp, leave, offset) == WITHIN:
-            return Shift(ego.s, ego.s + ramp, leave, leave + 15.0, offset)
+        ramp = max(6.0, math.sqrt(BEND * offset / TIGHTEST), ego.speed)
+        for stretch in FACED_STRETCHES:
+            leave = ego.s + max(stretch, ramp)
+            if ground(ego.s + ramp, leave, offset) == WITHIN:
+                return Shift(ego.s, ego.s + ramp, leave, leave + 15.0, offset)
     return None
 
 

@@ -90,7 +90,7 @@ def _neighbours(
 
 
 WITHIN, BESIDE, AGAINST = "within", "beside", "against"
-_EDGE = 0.25  # [m] of the vehicle that may hang over the outermost lane
+_EDGE = 0.4  # [m] of the vehicle that may hang over the outermost lane
 _SAMPLES = 2.0  # [m]
 
 

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 RANGE = 75.0  # [m] of path that is looked at
 VEHICLE_MARGIN = 0.3  # [m] on either side of the ego
-FACING, FACING_MARGIN = -0.7, 0.15  # who comes against the ego is passed closer
+FACING, FACING_MARGIN = -0.7, 0.1  # who comes against the ego is passed closer
 PROP_MARGIN = 0.1
 WALKER_MARGIN = 0.6
 BEFORE, AFTER = 1.0, 0.5  # [s] between the ego and who crosses: when the ego goes first, when it goes second
