@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lavsim.kernel import kernel, lean_kernel
 from lavsim.random import Draws
+from lavsim.render.faces import TILE
 from lavsim.render.frame import Mount, Pose
 from lavsim.render.full import NO_MIRROR, Surroundings, is_wet, shade_full
 from lavsim.render.ground import TAG_OF_SURFACE
@@ -17,7 +18,7 @@ from lavsim.render.lamps import NO_LIGHT, add_glows, lamp_light, street_lamps, w
 from lavsim.render.look import Look, look_of
 from lavsim.render.paint import is_blink_on
 from lavsim.render.scene import Scene
-from lavsim.render.shade import BLOCK, cell_block, faces_of, ground_of, place_block, shade, surface_below
+from lavsim.render.shade import BLOCK, cell_run, faces_of, ground_of, place_block, shade, surface_below
 from lavsim.render.shadow import NO_SHADOWS, corner_of, has_shadows, static_shadows, with_actors
 from lavsim.render.tags import NEW_TAG, new_tags
 from lavsim.render.zbuffer import Pinhole, Visibility, draw_visibility
@@ -80,7 +81,7 @@ class CameraView:
         faces = faces_of(view, statics, actors, look, lights)
         street = scene.while_same("street lamps", 0, lambda: street_lamps(statics))
         if look_name == "full":
-            around = surroundings(snapshot, scene, look, lens, pose, street)
+            around = surroundings(snapshot, scene, look, lens, pose, view, street)
             image = shade_full(view, lens, pose, faces, ground, look, around, snapshot.tick, draws)
         else:
             beams = bool(snapshot.state[0, 0] & (VehicleLight.LOW_BEAM | VehicleLight.HIGH_BEAM))
@@ -128,7 +129,13 @@ class CameraView:
 
 
 def surroundings(
-    snapshot: Snapshot, scene: Scene, look: Look, lens: Pinhole, pose: Pose, street: NDArray[np.float64]
+    snapshot: Snapshot,
+    scene: Scene,
+    look: Look,
+    lens: Pinhole,
+    pose: Pose,
+    view: Visibility,
+    street: NDArray[np.float64],
 ) -> Surroundings:
     """Shadows, lamp light and mirrors about the ego."""
     statics, actors = scene.statics, scene.actors(snapshot)
@@ -142,22 +149,40 @@ def surroundings(
         pools = scene.while_same("lamps", (x, y), lambda: lamp_light(street, x, y))
         lamps = scene.once_a_tick(snapshot, "lamps", lambda: with_headlights(pools, actors))
     if is_wet(look):
-        mirror = _mirrored(snapshot, scene, look, lens, pose)
+        mirror = _mirrored(snapshot, scene, look, lens, pose, view)
     return Surroundings(shadows, lamps, mirror, is_wet(look))
 
 
-def _mirrored(snapshot: Snapshot, scene: Scene, look: Look, lens: Pinhole, pose: Pose) -> NDArray[np.uint8]:
-    """(H / 2, W / 2, 4) what the camera would see in a mirror that lies on the ego's ground."""
+def _mirrored(
+    snapshot: Snapshot, scene: Scene, look: Look, lens: Pinhole, pose: Pose, view: Visibility
+) -> NDArray[np.uint8]:
+    """(H / 2, W / 2, 4) what the camera would see in a mirror that lies on the ego's ground, where ground shows."""
     plane = float(snapshot.xyz[0, 2])
     flip = np.array([1.0, 1.0, -1.0])
     below = Pose(pose.origin * flip + np.array([0.0, 0.0, 2.0 * plane]), pose.axes * flip[:, None])
     half = Pinhole(max(1, (lens.width + 1) // 2), max(1, (lens.height + 1) // 2), lens.focal / 2.0)
+    first = max(0, _first_ground_row(view.face, view.inverse_depth) // (2 * TILE) - 1) * TILE  # with what is smeared
+    bounds = np.zeros((-(-half.height // TILE), -(-half.width // TILE)))
+    bounds[: first // TILE] = np.inf
     statics, actors = scene.statics, scene.actors(snapshot)
     level = level_ground(float(below.origin[2]) + 1.0)
-    view = draw_visibility(half, below, statics, actors, heights=level, balls=scene.balls(snapshot))
-    faces = faces_of(view, statics, actors, look, snapshot.lights)
+    seen = draw_visibility(half, below, statics, actors, heights=level, balls=scene.balls(snapshot), bounds=bounds)
+    faces = faces_of(seen, statics, actors, look, snapshot.lights)
     ground = ground_of(scene.terrain)
-    return shade(view, half, below, faces, ground, look, (0.0, 0.0, 0.0, 0.0), snapshot.tick, None)
+    return shade(seen, half, below, faces, ground, look, (0.0, 0.0, 0.0, 0.0), snapshot.tick, None, first)
+
+
+@kernel
+def _first_ground_row(face, inverse_depth):  # type: ignore[no-untyped-def]
+    """The first row of a picture that shows ground; their number if none does."""
+    height, width = face.shape
+    for row in range(height):
+        found, faces, inverses = np.int32(0), face[row], inverse_depth[row]
+        for n in range(np.uint64(width)):
+            found |= (faces[n] < 0) & (inverses[n] > np.float32(0.0))
+        if found:
+            return row
+    return height
 
 
 def depth_of(view: Visibility) -> NDArray[np.float32]:
@@ -178,7 +203,6 @@ def _labels(  # type: ignore[no-untyped-def]
     for row in range(0, height, rows):
         begin, end = row * width, min(row + rows, height) * width
         place_block(inverse[begin:end], row, width, height, focal, origin, axes, place)
-        cell_block(end - begin, place, ground, cells)
         _label_block(face[begin:end], inverse[begin:end], place, cells, ground, tag_of_surface, tag_of_sky, tag,
                      instance, tags[begin:end], instances[begin:end])  # fmt: skip
     return tags.reshape(height, width), instances.reshape(height, width)
@@ -188,6 +212,7 @@ def _labels(  # type: ignore[no-untyped-def]
 def _label_block(  # type: ignore[no-untyped-def]
     face, inverse, place, cells, ground, tag_of_surface, tag_of_sky, tag, instance, tags, instances
 ):
+    cell_run(0, len(face), place, ground, cells)
     for i in range(len(face)):
         f = face[i]
         if f >= 0:

@@ -28,7 +28,7 @@ from lavsim.render.shade import (
     PaintedFaces,
     air_block,
     along_face,
-    cell_block,
+    cell_run,
     paint_face,
     place_block,
     run_end,
@@ -36,7 +36,7 @@ from lavsim.render.shade import (
     surface_below,
 )
 from lavsim.render.shadow import ShadowMap, sun_share
-from lavsim.render.texture import SMOOTH, cell_noise, patch_noise, smooth_noise
+from lavsim.render.texture import HOLLOWS, SMOOTH, cell_noise, patch_noise, smooth_noise
 from lavsim.render.zbuffer import Pinhole, Visibility
 
 _TERRAIN, _MEDIAN, _SIDEWALK = int(Surface.TERRAIN), int(Surface.MEDIAN), int(Surface.SIDEWALK)
@@ -65,6 +65,7 @@ class Surroundings(NamedTuple):
     mirrors: bool
 
 
+_TABLES = (NOISE, SMOOTH, HOLLOWS)
 NO_MIRROR: NDArray[np.uint8] = np.zeros((1, 1, 4), np.uint8)
 
 
@@ -83,7 +84,7 @@ def shade_full(
     key, noise = (draws.key, look.noise) if draws is not None else (0, 0.0)
     pixels = _shade(
         view.face, view.inverse_depth, lens.focal, pose.origin, pose.axes, ground, look, faces, surroundings,
-        is_blink_on(tick), np.uint64(key), tick, np.float32(noise / NOISE_UNIT), NOISE, SMOOTH,
+        is_blink_on(tick), np.uint64(key), tick, np.float32(noise / NOISE_UNIT), _TABLES,
     )  # fmt: skip
     image = pixels.view(np.uint8).reshape(lens.height, lens.width, 4)
     if look.rain > 0.0:
@@ -93,9 +94,10 @@ def shade_full(
 
 @kernel
 def _shade(  # type: ignore[no-untyped-def]
-    face, inverse_depth, focal, origin, axes, ground, look, faces, around, blink, key, tick, noise, noise_table, smooth
+    face, inverse_depth, focal, origin, axes, ground, look, faces, around, blink, key, tick, noise, tables
 ):
     height, width = face.shape
+    noise_table, smooth, hollows = tables
     pixels = np.empty(height * width, np.uint32)
     rows = max(1, BLOCK // width)
     place, paint = np.ones((4, rows * width + PADDING), np.float32), np.empty((5, rows * width + PADDING), np.float32)
@@ -104,16 +106,15 @@ def _shade(  # type: ignore[no-untyped-def]
     for row in range(0, height, rows):
         begin, end = row * width, min(row + rows, height) * width
         place_block(inverse[begin:end], row, width, height, focal, origin, axes, place)
-        cell_block(end - begin, place, ground, cells)
-        _light_block(face[begin:end], inverse[begin:end], origin[2], place, look, around, light)
+        _light_block(face[begin:end], inverse[begin:end], origin[2], place, look, faces, around, light)
         _colour_block(face[begin:end], inverse[begin:end], row, width, origin, place, cells, light, ground, look,
-                      faces, around, blink, tick, smooth, paint)  # fmt: skip
+                      faces, around, blink, tick, smooth, hollows, paint)  # fmt: skip
         air_block(place[2], paint, look, noise, noise_table, draw_at(base, row), pixels[begin:end])
     return pixels
 
 
 @lean_kernel
-def _light_block(face, inverse, eye, place, look, around, light):  # type: ignore[no-untyped-def]
+def _light_block(face, inverse, eye, place, look, faces, around, light):  # type: ignore[no-untyped-def]
     """Share of the sun that reaches each pixel's place, and the light of lamps there."""
     sun_of, lamp_of, one, none = light[0], light[1], np.float32(1.0), np.float32(0.0)
     x, y, depth, rise = place[0], place[1], place[2], place[3]
@@ -130,7 +131,10 @@ def _light_block(face, inverse, eye, place, look, around, light):  # type: ignor
             continue
         z = eye + depth[i] * rise[i]
         if around.shadows.covers:
-            sun_of[i] = sun_share(shadow, shadow_x, shadow_y, slope_x, slope_y, x[i], y[i], z)
+            if face[i] >= 0 and faces.table[face[i], DARK] >= one:  # it looks away from the sun
+                sun_of[i] = one
+            else:
+                sun_of[i] = sun_share(shadow, shadow_x, shadow_y, slope_x, slope_y, x[i], y[i], z)
         if lamp > none:
             height = z if face[i] >= 0 else none
             fall = min(one, max(np.float32(0.15), np.float32(1.4) - np.float32(0.25) * height))
@@ -154,6 +158,7 @@ def _colour_block(  # type: ignore[no-untyped-def]
     blink,
     tick,
     smooth,
+    hollows,
     paint,
 ):
     i = 0
@@ -168,7 +173,7 @@ def _colour_block(  # type: ignore[no-untyped-def]
             i = run_end(face, inverse, begin, len(face))
             _paint_ground(begin, i, f, place, cells, light, ground, look, smooth, paint)
             if around.mirrors:
-                _mirror(begin, i, f, first_row, width, place, cells, ground, look, around.mirror, tick, smooth, paint)
+                _mirror(begin, i, first_row, width, place, look, around.mirror, tick, hollows, paint)
         else:
             i = run_end(face, inverse, begin, (begin // width + 1) * width)
             _paint_sky(begin, i, origin, place, look, smooth, paint)
@@ -213,6 +218,7 @@ def _light_face(begin, end, row, light, paint):  # type: ignore[no-untyped-def]
 @inlined
 def _paint_ground(begin, end, f, place, cells, light, ground, look, smooth, paint):  # type: ignore[no-untyped-def]
     colours, one = look.ground, np.float32(1.0)
+    cell_run(begin, end, place, ground, cells)
     for n in range(np.uint64(begin), np.uint64(end)):
         surface = surface_below(n, f, place, cells, ground)
         grain, dark, lit = (
@@ -225,52 +231,62 @@ def _paint_ground(begin, end, f, place, cells, light, ground, look, smooth, pain
         paint[1, n] = green * (one + lit * np.float32(0.9))
         blue = colours[surface, 2] * grain * (one - (one - colours[surface, 5]) * dark)
         paint[2, n], paint[3, n] = blue * (one + lit * np.float32(0.68)), np.float32(0.0)
+        paint[4, n] = np.float32(0.0) if surface in (_TERRAIN, _MEDIAN) else one  # whether it mirrors when wet
 
 
 @inlined
 def _mirror(  # type: ignore[no-untyped-def]
-    begin, end, f, first_row, width, place, cells, ground, look, mirror, tick, smooth, paint
+    begin, end, first_row, width, place, look, mirror, tick, hollows, paint
 ):
-    """Mixes what wet ground mirrors into its colours; grass mirrors nothing."""
+    """Mixes what wet ground mirrors into its colours, row by row; grass mirrors nothing."""
     wet, puddles, ripple = np.float32(look.wet), np.float32(look.puddles), np.float32(3.0 * look.rain)
-    nine = np.float32(9.0)
-    for n in range(np.uint64(begin), np.uint64(end)):
-        surface = surface_below(n, f, place, cells, ground)
-        if surface in (_TERRAIN, _MEDIAN):
-            continue
-        x, y = place[0, n], place[1, n]
-        share, blur = _mirror_share(x, y, -place[3, n], wet, puddles, smooth)
-        shift = cell_noise(np.int32(x * nine) + np.int32(tick * 31), np.int32(y * nine)) * (blur + ripple)
-        row, column = first_row + np.int64(n) // width + int(shift), np.int64(n) % width
-        row = np.uint64(min(max(row >> 1, 0), mirror.shape[0] - 1))
-        column = np.uint64(min(column >> 1, mirror.shape[1] - 1))
-        for c in range(3):
-            paint[c, n] += (np.float32(mirror[row, column, 2 - c]) - paint[c, n]) * share
+    nine, none, last_row = np.float32(9.0), np.float32(0.0), 2 * mirror.shape[0] - 1
+    x_of, y_of, rise, mirrors, ticks = place[0], place[1], place[3], paint[4], np.int32(tick * 31)
+    for row in range(begin // width, (end - 1) // width + 1):
+        left, middle = row * width, first_row + row
+        for n in range(np.uint64(max(begin, left)), np.uint64(min(end, left + width))):
+            if mirrors[n] == none:
+                continue
+            x, y = x_of[n], y_of[n]
+            share, blur = _mirror_share(x, y, -rise[n], wet, puddles, hollows)
+            shift = cell_noise(np.int32(x * nine) + ticks, np.int32(y * nine)) * (blur + ripple)
+            seen = np.uint64(min(max(middle + np.int64(shift), 0), last_row) >> 1)
+            column = (n - np.uint64(left)) >> np.uint64(1)
+            for c in range(3):
+                paint[c, n] += (np.float32(mirror[seen, column, 2 - c]) - paint[c, n]) * share
 
 
 @inlined
 def _paint_sky(begin, end, origin, place, look, smooth, paint):  # type: ignore[no-untyped-def]
     """Part of a row of sky; clouds are worked out every few pixels and change evenly in between."""
-    clouds, white, shine = np.float32(1.7 * look.clouds - 0.75), np.float32(1.04), np.float32(255.0)
+    clouds, white, none = np.float32(1.7 * look.clouds - 0.75), np.float32(1.04), np.float32(0.0)
     x, y, rise, near = place[0], place[1], place[3], np.float32(1.0) / place[2, np.uint64(begin)]
     eye_x, eye_y = np.float32(origin[0]), np.float32(origin[1])
     red_of, green_of, blue_of, glow_of = paint[0], paint[1], paint[2], paint[3]
     at = np.uint64(begin)
-    ahead = _cloud((x[at] - eye_x) * near, (y[at] - eye_y) * near, rise[at], clouds, smooth)
+    ray_x, ray_y = (x[at] - eye_x) * near, (y[at] - eye_y) * near
+    ahead = _cloud(ray_x, ray_y, rise[at], clouds, smooth)
+    sun_ahead = _sun(ray_x, ray_y, rise[at], look.sun, look.sunlight)
     for first in range(begin, end, _CLOUD_STEP):
-        last = min(first + _CLOUD_STEP, end)
-        cloud, at = ahead, np.uint64(min(last, end - 1))
-        ahead = _cloud((x[at] - eye_x) * near, (y[at] - eye_y) * near, rise[at], clouds, smooth)
+        last, level = min(first + _CLOUD_STEP, end), np.uint64(sky_level(rise[first]))
+        cloud, sun, at = ahead, sun_ahead, np.uint64(min(last, end - 1))
+        ray_x, ray_y = (x[at] - eye_x) * near, (y[at] - eye_y) * near
+        ahead = _cloud(ray_x, ray_y, rise[at], clouds, smooth)
+        sun_ahead = _sun(ray_x, ray_y, rise[at], look.sun, look.sunlight)
         step = (ahead - cloud) / np.float32(last - first)
+        red, green, blue = look.sky[level, 0], look.sky[level, 1], look.sky[level, 2]
+        more_red, more_green = look.haze[0] * white - red, look.haze[1] * white - green
+        more_blue = look.haze[2] * white - blue
         for n in range(np.uint64(first), np.uint64(last)):
-            level = np.uint64(sky_level(rise[n]))
-            red, green, blue = look.sky[level, 0], look.sky[level, 1], look.sky[level, 2]
-            sun = shine * _sun((x[n] - eye_x) * near, (y[n] - eye_y) * near, rise[n], look.sun, look.sunlight)
-            red_of[n] = red + (look.haze[0] * white - red) * cloud + sun * look.sunlight[0]
-            green_of[n] = green + (look.haze[1] * white - green) * cloud + sun * look.sunlight[1]
-            blue_of[n] = blue + (look.haze[2] * white - blue) * cloud + sun * look.sunlight[2]
-            glow_of[n] = np.float32(1.0)
+            red_of[n], green_of[n] = red + more_red * cloud, green + more_green * cloud
+            blue_of[n], glow_of[n] = blue + more_blue * cloud, np.float32(1.0)
             cloud += step
+        if sun > none or sun_ahead > none:
+            for n in range(np.uint64(first), np.uint64(last)):
+                ray_x, ray_y = (x[n] - eye_x) * near, (y[n] - eye_y) * near
+                shine = np.float32(255.0) * _sun(ray_x, ray_y, rise[n], look.sun, look.sunlight)
+                for c in range(3):
+                    paint[c, n] += shine * look.sunlight[c]
 
 
 @inlined
@@ -351,24 +367,21 @@ def _wall(along, high, depth, seed, smooth):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _mirror_share(x, y, drop, wet, puddles, smooth):  # type: ignore[no-untyped-def]
+def _mirror_share(x, y, drop, wet, puddles, hollows):  # type: ignore[no-untyped-def]
     """Share of light that wet ground mirrors, and by how many rows the picture is smeared.
 
     Args:
         x, y: The place [m].
         drop: Fall of the ray over its length along the optical axis.
         wet, puddles: 0 to 1.
-        smooth: `SMOOTH`.
+        hollows: `HOLLOWS`.
     """
-    one, wide = np.float32(1.0), np.float32(0.27)
+    one, none, wide = np.float32(1.0), np.float32(0.0), np.float32(0.27)
     steep = min(max(drop, np.float32(0.0)), one)
     grazing = (one - steep) * (one - steep)
     fresnel = np.float32(0.04) + np.float32(0.96) * grazing * grazing * (one - steep)
-    if puddles > np.float32(0.0):
-        hollow = np.float32(0.7) * smooth_noise(smooth, x * wide, y * wide)
-        hollow += np.float32(0.3) * smooth_noise(smooth, x * np.float32(0.9), y * np.float32(0.9))
-        if hollow > np.float32(0.62) - np.float32(0.75) * puddles:
-            return np.float32(0.18) + np.float32(0.62) * fresnel, np.float32(0.0)
+    if puddles > none and smooth_noise(hollows, x * wide, y * wide) > np.float32(0.62) - np.float32(0.75) * puddles:
+        return np.float32(0.18) + np.float32(0.62) * fresnel, none
     return wet * np.float32(0.5) * fresnel, np.float32(5.0)
 
 

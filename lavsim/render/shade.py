@@ -1,7 +1,7 @@
 """Colours of the look `fast`: one pass over the pixels after visibility is known, so each is shaded once.
 
-A block of rows goes through four loops: places, ground cells, colours, and at last air, noise and packing. Only the
-colours need branches; the others are done several pixels at a time.
+A block of rows goes through three loops: places, colours, and at last air, noise and packing. Only the colours need
+branches; the others are done several pixels at a time.
 """
 
 from __future__ import annotations
@@ -111,6 +111,7 @@ def shade(
     headlights: tuple[float, float, float, float],
     tick: int,
     draws: Draws | None,
+    first_row: int = 0,
 ) -> NDArray[np.uint8]:
     """(H, W, 4) uint8 blue, green, red, alpha.
 
@@ -122,11 +123,12 @@ def shade(
         headlights: x, y, yaw of the ego, and the strength of its headlights (0 off).
         tick: For what blinks, and for the noise.
         draws: The camera's; without them there is no noise.
+        first_row: Rows above this one are left as they come.
     """
     key, noise = (draws.key, look.noise) if draws is not None else (0, 0.0)
     pixels = _shade(
         view.face, view.inverse_depth, lens.focal, pose.origin, pose.axes, ground, look, faces, headlights,
-        is_blink_on(tick), np.uint64(key), tick, np.float32(noise / NOISE_UNIT), NOISE,
+        is_blink_on(tick), np.uint64(key), tick, (np.float32(noise / NOISE_UNIT), NOISE), first_row,
     )  # fmt: skip
     return pixels.view(np.uint8).reshape(lens.height, lens.width, 4)
 
@@ -143,24 +145,22 @@ NOISE = _noise_table()
 
 @kernel
 def _shade(  # type: ignore[no-untyped-def]
-    face, inverse_depth, focal, origin, axes, ground, look, faces, headlights, blink, key, tick, noise, noise_table
+    face, inverse_depth, focal, origin, axes, ground, look, faces, headlights, blink, key, tick, noise, first_row
 ):
     height, width = face.shape
     pixels = np.empty(height * width, np.uint32)
     rows = max(1, BLOCK // width)
     place, paint = np.ones((4, rows * width + PADDING), np.float32), np.empty((5, rows * width + PADDING), np.float32)
-    cells, grain = np.empty((2, rows * width), np.int32), np.empty(rows * width, np.float32)
+    cells = np.empty((2, rows * width), np.int32)
     face, inverse, base = face.ravel(), inverse_depth.ravel(), draw_base(key, tick)
-    for row in range(0, height, rows):
+    for row in range(first_row, height, rows):
         begin, end = row * width, min(row + rows, height) * width
         place_block(inverse[begin:end], row, width, height, focal, origin, axes, place)
-        cell_block(end - begin, place, ground, cells)
-        _grain_block(end - begin, place, grain)
-        _colour_block(face[begin:end], inverse[begin:end], width, origin[2], axes[2, 1] == 0.0, place, cells, grain,
+        _colour_block(face[begin:end], inverse[begin:end], width, origin[2], axes[2, 1] == 0.0, place, cells,
                       ground, look, faces, blink, paint)  # fmt: skip
         if headlights[3] > 0.0:
             _light_block(end - begin, headlights, place, paint)
-        air_block(place[2], paint, look, noise, noise_table, draw_at(base, row), pixels[begin:end])
+        air_block(place[2], paint, look, noise[0], noise[1], draw_at(base, row), pixels[begin:end])
     return pixels
 
 
@@ -187,13 +187,13 @@ def place_block(inverse, first_row, width, height, focal, origin, axes, place): 
             rise[i] = ray_z + step_z * np.float32(i)
 
 
-@lean_kernel
-def cell_block(count, place, ground, cells):  # type: ignore[no-untyped-def]
+@inlined
+def cell_run(begin, end, place, ground, cells):  # type: ignore[no-untyped-def]
     """Cells of the ground raster under pixels, -1 outside of it, and the quarters of them."""
     x, y, cell_of, quarter_of = place[0], place[1], cells[0], cells[1]
     corner_x, corner_y = np.float32(ground.x), np.float32(ground.y)
     scale, rows, columns = np.float32(2.0 * ground.per_metre), np.int32(ground.rows), np.int32(ground.columns)
-    for i in range(count):
+    for i in range(np.uint64(begin), np.uint64(end)):
         half_x = np.int32(np.floor((x[i] - corner_x) * scale))
         half_y = np.int32(np.floor((y[i] - corner_y) * scale))
         column, row = half_x >> np.int32(1), half_y >> np.int32(1)
@@ -202,12 +202,12 @@ def cell_block(count, place, ground, cells):  # type: ignore[no-untyped-def]
         quarter_of[i] = (half_x & np.int32(1)) + np.int32(2) * (half_y & np.int32(1))
 
 
-@lean_kernel
-def _grain_block(count, place, grain):  # type: ignore[no-untyped-def]
+@inlined
+def _grain_run(begin, end, place, grain):  # type: ignore[no-untyped-def]
     """Grain of the ground, -1 to 1, weaker far away."""
     x, y, depth = place[0], place[1], place[2]
     scale, reach, one = np.float32(1.0 / _GRAIN), np.float32(_GRAIN_RANGE), np.float32(1.0)
-    for i in range(count):
+    for i in range(np.uint64(begin), np.uint64(end)):
         speck = cell_noise(np.int32(np.floor(x[i] * scale)), np.int32(np.floor(y[i] * scale)))
         grain[i] = speck * min(one, reach / depth[i])
 
@@ -254,7 +254,7 @@ def run_end(face, inverse, begin, limit):  # type: ignore[no-untyped-def]
 
 @lean_kernel
 def _colour_block(  # type: ignore[no-untyped-def]
-    face, inverse, width, height, is_level, place, cells, grain, ground, look, faces, blink, paint
+    face, inverse, width, height, is_level, place, cells, ground, look, faces, blink, paint
 ):
     """Lit colours of pixels, and how much of each shines through fog: run by run of what they show."""
     i = 0
@@ -267,7 +267,7 @@ def _colour_block(  # type: ignore[no-untyped-def]
                 _grow_leaves(begin, i, height, place, paint)
         elif inverse[i] > np.float32(0.0):
             i = run_end(face, inverse, begin, len(face))
-            _paint_ground(begin, i, f, place, cells, grain, ground, look, paint)
+            _paint_ground(begin, i, f, place, cells, ground, look, paint)
         else:  # a row of a level picture shows one colour of the sky
             i = run_end(face, inverse, begin, (begin // width + 1) * width if is_level else begin + 1)
             level = sky_level(place[3, begin])
@@ -295,8 +295,11 @@ def _fill(begin, end, red, green, blue, glow, paint):  # type: ignore[no-untyped
 
 
 @inlined
-def _paint_ground(begin, end, f, place, cells, grain, ground, look, paint):  # type: ignore[no-untyped-def]
+def _paint_ground(begin, end, f, place, cells, ground, look, paint):  # type: ignore[no-untyped-def]
     colours, red_of, green_of, blue_of, glow_of = look.ground, paint[0], paint[1], paint[2], paint[3]
+    grain = paint[4]
+    cell_run(begin, end, place, ground, cells)
+    _grain_run(begin, end, place, grain)
     for n in range(np.uint64(begin), np.uint64(end)):
         surface = surface_below(n, f, place, cells, ground)
         light = np.float32(1.0) + colours[surface, 6] * grain[n]

@@ -41,7 +41,13 @@ def _smooth_table():  # type: ignore[no-untyped-def]
     return table
 
 
+def _hollow_table(smooth: NDArray[np.int8]) -> NDArray[np.int8]:
+    finer = (3 * np.arange(_SIZE) + 40) % _SIZE
+    return np.rint(0.7 * smooth + 0.3 * smooth[np.ix_(finer, finer)]).astype(np.int8)
+
+
 SMOOTH: NDArray[np.int8] = _smooth_table()
+HOLLOWS: NDArray[np.int8] = _hollow_table(SMOOTH)  # two sizes of patches, where puddles lie
 
 
 @inlined

@@ -70,18 +70,25 @@ def draw_visibility(
     buffers: Buffers | None = None,
     heights: Heights = LEVEL_GROUND,
     balls: Balls | None = None,
+    bounds: NDArray[np.float64] | None = None,
 ) -> Visibility:
-    """What a camera at `pose` sees, drawn into `buffers`; `balls` are `balls_of` the statics and the actors."""
+    """What a camera at `pose` sees, drawn into `buffers`.
+
+    `balls` are `balls_of` the statics and the actors. `bounds` (rows, columns of tiles) are inverse depths below which
+    nothing need be drawn, infinite where the picture is not wanted; they are drawn over.
+    """
     face, depth = new_buffers(lens) if buffers is None else buffers
     if balls is None:
         balls = balls_of(statics), balls_of(actors)
-    solid, side = _draw(face, depth, lens.focal, pose.origin, pose.axes, statics, actors, *balls, heights)
+    if bounds is None:
+        bounds = np.zeros((-(-lens.height // TILE), -(-lens.width // TILE)))
+    solid, side = _draw(face, depth, lens.focal, pose.origin, pose.axes, statics, actors, *balls, heights, bounds)
     return Visibility(face, depth, Faces(solid, side))
 
 
 @kernel
 def _draw(  # type: ignore[no-untyped-def]
-    face, depth, focal, origin, axes, statics, actors, static_balls, actor_balls, heights
+    face, depth, focal, origin, axes, statics, actors, static_balls, actor_balls, heights, hidden
 ):
     face.fill(NO_FACE)
     level = level_within(heights, origin[0], origin[1], FARTHEST)
@@ -89,7 +96,6 @@ def _draw(  # type: ignore[no-untyped-def]
         _draw_slopes(depth, focal, origin, axes, heights)
     else:
         _draw_plane(depth, focal, origin, axes, level)
-    hidden = np.zeros((-(-depth.shape[0] // TILE), -(-depth.shape[1] // TILE)))
     solid, side = np.empty(1024, np.int32), np.empty(1024, np.int32)
     found, solid, side = draw_solids(statics, static_balls, 0, origin, axes, focal, depth, face, hidden, solid, side, 0)
     found, solid, side = draw_solids(
