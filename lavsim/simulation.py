@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lavsim.errors import ConfigError, UnknownName
 from lavsim.map.planner import get_planner
+from lavsim.map.rise import pitch_on, rise_along
 from lavsim.map.route import RouteTracker
 from lavsim.map.scenery import SCENERY_VERSION
 from lavsim.map.town_map import TownMap, load_town
@@ -24,7 +25,7 @@ from lavsim.traffic.parked import park_cars
 from lavsim.traffic.population import Traffic
 from lavsim.traffic.profiles import TRAFFIC_PROFILES, Population, population_of
 from lavsim.traffic.walkers import Walkers
-from lavsim.types import DT, ActorIds, Control, Role
+from lavsim.types import DT, ActorClass, ActorIds, Control, Role
 from lavsim.world.blueprints import find_blueprint
 from lavsim.world.dynamics import road_grip
 from lavsim.world.lights import LightCycle, TrafficLights
@@ -161,6 +162,7 @@ class Simulation:
         self.draws = Draws.of_seed(spec.seed)
         self._lights = TrafficLights(len(self.town.lights), self.town.light_groups, spec.light_cycle)
         self._has_slopes = float(np.ptp(self.town.lanes.points[:, 2])) > _FLAT
+        self._rise = rise_along(self.town) if self._has_slopes else np.zeros(0)
         walls, wall_z = _walls(self.town)
         self._world = World(walls, self._has_slopes, wall_z)
         self._spawn_ego()
@@ -245,15 +247,19 @@ class Simulation:
         )
 
     def _follow_ground(self) -> None:
-        """Sets the ego and the actors of hazards on the lane below them; background actors know their own."""
+        """Lets vehicles lean with their lane, and sets the ego and the actors of hazards on it; others know theirs."""
         if not self._has_slopes:
             return
         world, n = self._world, self._world.count
         roles = world.table.roles[:n]
         own = (roles == Role.EGO) | (roles == Role.SCENARIO) | (roles == Role.PROP)
-        rows = np.flatnonzero(world.present[:n] & own)
+        leans = world.table.classes[:n] <= ActorClass.BICYCLE
+        rows = np.flatnonzero(world.present[:n] & (own | leans))
         points = np.column_stack([world.pose[rows, :2], world.height[rows]])
-        world.height[rows] = self.town.nearest(points).points[:, 2]
+        hits = self.town.nearest(points)
+        pitch = pitch_on(self.town, self._rise, hits, world.pose[rows, 2])
+        world.pitch[rows] = np.where(leans[rows], pitch, 0.0)
+        world.height[rows[own[rows]]] = hits.points[own[rows], 2]
 
     def _weather(self) -> Weather:
         if isinstance(self.spec.weather, RedrawnWeather):

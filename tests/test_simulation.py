@@ -15,6 +15,7 @@ from lavsim.types import ActorIds, Control, Role
 from lavsim.world.lights import LightCycle
 from lavsim.world.weather import Weather, WeatherKeyframe
 from tests.drives import follow, hazard, run, straight_drive
+from tests.map.xodr import road
 
 
 class Result:
@@ -106,3 +107,16 @@ def test_a_header_holds_all_that_decides_a_drive() -> None:
     for _ in range(100):
         control = follow(first.route, first.snapshot)
         assert first.tick(control).pose.tobytes() == again.tick(control).pose.tobytes()
+
+
+def test_vehicles_lean_with_the_hill_they_drive_on(tmp_path: Path) -> None:
+    profile = '<elevationProfile><elevation s="0" a="0" b="0.08" c="0" d="0"/></elevationProfile>'
+    text = "<OpenDRIVE>" + road(length=200.0, before=profile) + "</OpenDRIVE>"
+    (tmp_path / "hill.xodr").write_text(text, encoding="utf-8")
+    climb = [(10.0, 1.75, 0.8), (190.0, 1.75, 15.2)]
+    drive = {"town": "hill", "town_path": (tmp_path,), "route_id": "up", "traffic": "empty"}
+    up = Simulation(DriveSpec(keypoints=np.array(climb), **drive))
+    for _ in range(5):
+        snapshot = up.tick(Control(throttle=0.7))
+    assert snapshot.pitch[0] == pytest.approx(np.arctan(0.08), abs=1e-4)
+    assert snapshot.xyz[0, 2] == pytest.approx(0.08 * snapshot.xyz[0, 0], abs=0.002)

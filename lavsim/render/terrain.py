@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 
 from lavsim.cache import replace_atomically
 from lavsim.map.lane import CLEAR_HEIGHT
+from lavsim.map.rise import rise_along
 from lavsim.render.ground import GroundRaster, Level, cached_array, ground_raster, whole_bounds
 from lavsim.render.heights import CELL, LEVEL_GROUND, Heights, heights_at, heights_of, level_ground
 from lavsim.render.kerbs import kerb_quads, kerb_solids
@@ -226,7 +227,7 @@ def _nearest_heights(town: TownMap, used: NDArray[np.bool_], places: Floats) -> 
     distance, row = on_lane.query(places)
     points, width = lanes.points[used][row], lanes.width[used][row]
     ahead = (places[:, 0] - points[:, 0]) * np.cos(points[:, 3]) + (places[:, 1] - points[:, 1]) * np.sin(points[:, 3])
-    height = points[:, 2] + _rise_along(town)[used][row] * np.clip(ahead, -CELL, CELL)
+    height = points[:, 2] + rise_along(town)[used][row] * np.clip(ahead, -CELL, CELL)
     fixed = distance <= width / 2.0 + CELL
     if len(feet):
         nearest, foot = at_foot.query(places)
@@ -252,17 +253,6 @@ def _feet(town: TownMap) -> Floats:
         places = (inner + share[:, None, None] * (rim - inner)[None]).reshape(-1, 2)
         found.append(np.column_stack([places, np.full(len(places), prisms.z0[k])]))
     return np.concatenate(found)
-
-
-def _rise_along(town: TownMap) -> Floats:
-    """(P,) rise over run of the lanes at their centre points."""
-    lanes = town.lanes
-    rise = np.zeros(len(lanes.points))
-    for lane in range(len(lanes)):
-        rows = lanes.rows(lane)
-        if rows.stop - rows.start > 1 and np.ptp(lanes.points[rows, 2]) > 0.0:
-            rise[rows] = np.gradient(lanes.points[rows, 2], lanes.step[lane])
-    return rise
 
 
 def _sink_below(nodes: Floats, slabs: Solids, low: Floats) -> None:

@@ -28,7 +28,7 @@ from lavsim.world.motion import DRIVEN, GONE, RESTING, WALKING, finish, integrat
 from lavsim.world.physics import NO_CONTACTS, Bodies, Physics
 from lavsim.world.proximity import box_distance, boxes_overlap
 from lavsim.world.publish import quantise
-from lavsim.world.snapshot import CONTACT_DTYPE, LENGTH_UNIT, ActorTable, Snapshot
+from lavsim.world.snapshot import ANGLE_UNIT, CONTACT_DTYPE, LENGTH_UNIT, ActorTable, Snapshot
 from lavsim.world.weather import Weather
 
 _KNOCK_DOWN_IMPULSE = 100.0  # [N s] 1.3 m/s of an adult's mass: more than that and a walker stays down
@@ -44,7 +44,7 @@ class World:
 
     Args:
         walls: Convex footprints `(M, 2)` of what vehicles collide with.
-        has_levels: Whether roads pass over each other.
+        has_levels: Whether roads have slopes or pass over each other.
         wall_z: (W, 2) bottom and top of each wall [m]; any height if not given.
 
     Attributes:
@@ -53,6 +53,7 @@ class World:
         motion: (capacity,) `DRIVEN`, `WALKING`, `RESTING` or `GONE`.
         pose: (capacity, 3) x, y [m], yaw [rad].
         height: (capacity,) z of the ground below [m].
+        pitch: (capacity,) of the ground below along the heading, nose up [rad].
         velocity: (capacity, 3) vx, vy [m/s], yaw rate [rad/s] in the world frame.
         body: (capacity, 3) speed ahead, slide to the right [m/s], yaw rate.
         command: (capacity, 2) see `lavsim.world.motion.integrate`.
@@ -75,6 +76,7 @@ class World:
         self.motion = np.zeros(0, dtype=np.uint8)
         self.pose = np.zeros((0, 3))
         self.height = np.zeros(0)
+        self.pitch = np.zeros(0)
         self.velocity = np.zeros((0, 3))
         self.body = np.zeros((0, 3))
         self.command = np.zeros((0, 2))
@@ -92,6 +94,7 @@ class World:
         self._walls = build_walls(walls, wall_z)
         self._scratch = make_scratch(0)
         self._physics = Physics(self._walls, has_levels)
+        self._has_levels = has_levels
         self._contacts = NO_CONTACTS
         self._unsettled = np.zeros(0, dtype=np.int64)
         self._table, self._new_rows = ActorTable.empty(), list[dict[str, Any]]()
@@ -245,6 +248,8 @@ class World:
             self._rows, self.pose, self.height, self.velocity, self.motion, self.lights, self.doors, self._gait,
             weather.calls_for_lights,
         )  # fmt: skip
+        if self._has_levels:
+            pose[:, 4] = np.rint(snapped(self.pitch[self._rows]) / ANGLE_UNIT)
         return Snapshot(
             tick=self.tick,
             table=self.table,
@@ -321,8 +326,9 @@ class World:
         if self.count <= len(self.present):
             return
         capacity = max(64, 2 * len(self.present), self.count)
-        for name in ("present", "motion", "pose", "height", "velocity", "body", "command", "lights", "doors", "touched",
-                     "_loose", "_limits", "_half", "_mass", "_rear", "_gait", "_move", "_found"):  # fmt: skip
+        for name in ("present", "motion", "pose", "height", "pitch", "velocity", "body", "command", "lights", "doors",
+                     "touched", "_loose", "_limits", "_half", "_mass", "_rear", "_gait", "_move",
+                     "_found"):  # fmt: skip
             old: NDArray[Any] = getattr(self, name)
             new = np.zeros((capacity, *old.shape[1:]), dtype=old.dtype)
             new[: len(old)] = old
