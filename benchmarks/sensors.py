@@ -1,12 +1,14 @@
 """Milliseconds of processor time per reading of each sensor of the LAV suite, on one core.
 
     python -m benchmarks.sensors [--town eu_small_a] [--vehicles 100] [--walkers 50] [--places 40] [--embree]
+                                 [--llvmpipe]
 
 The ego stands at many places of a town among vehicles on the lanes and walkers beside them; medians over the
 places of the best of six readings.
 Every reading is of a fresh snapshot, so nothing is remembered from another reading; placing the actors is a row of its
 own. A tilted LiDAR, images by kind and the sensors that the suite lacks are measured besides. With `--embree` the same
-beams and pixels are cast by Embree over the same scene as triangles (tests/meshes.py), without building it.
+beams and pixels are cast by Embree over the same scene as triangles (tests/meshes.py), without building it. With
+`--llvmpipe` OpenGL draws tags and depth of those triangles on the processor (benchmarks/llvmpipe.py).
 """
 
 from __future__ import annotations
@@ -99,6 +101,7 @@ def main() -> None:
     parser.add_argument("--walkers", type=int, default=50)
     parser.add_argument("--places", type=int, default=40)
     parser.add_argument("--embree", action="store_true")
+    parser.add_argument("--llvmpipe", action="store_true")
     args = parser.parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     town, draws = load_town(args.town), Draws.of_seed(0)
@@ -131,6 +134,8 @@ def main() -> None:
     show("the whole suite", lambda s: suite.read([s]), placed=False)
     if args.embree:
         show_embree(scene, snapshots)
+    if args.llvmpipe:
+        show_llvmpipe(scene, snapshots)
 
 
 def show_embree(scene: Scene, snapshots: Sequence[Snapshot]) -> None:
@@ -160,6 +165,29 @@ def show_embree(scene: Scene, snapshots: Sequence[Snapshot]) -> None:
             best[name].append(min(times))
     for name, times in best.items():
         print(f"{name:34s} {float(np.median(times)) * 1e3:7.3f} ms")
+
+
+def show_llvmpipe(scene: Scene, snapshots: Sequence[Snapshot]) -> None:
+    """OpenGL's time on the processor for tags and depth of the front camera, triangles handed over beforehand."""
+    from benchmarks.llvmpipe import Picture
+    from tests.meshes import Meshes
+
+    view, shares, times = CAMERAS[1][1], [], []
+    picture = Picture(view.width, view.height, view.lens.focal)
+    for snapshot in snapshots[:10]:
+        pose = view.mount.pose(snapshot)
+        picture.load(Meshes(scene, snapshot, pose.origin, 400.0))
+        seen, _ = picture.draw(pose.axes)
+        ours = scene.view(snapshot, view.lens, view.mount).face
+        shares.append(float(((seen > 0) == (ours >= 0)).mean()))  # as a check that both see the same
+        trials = []
+        for _ in range(REPEATS):
+            begin = time.process_time()  # it may have threads of its own
+            picture.draw(pose.axes)
+            trials.append(time.process_time() - begin)
+        times.append(min(trials))
+    print(f"{'front camera by ' + picture.renderer[:16]:34s} {float(np.median(times)) * 1e3:7.3f} ms")
+    print(f"pixels on which both see a solid or none: {float(np.mean(shares)):.3f}")
 
 
 def snapshot_with(snapshot: Snapshot, table: object) -> Snapshot:

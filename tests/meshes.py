@@ -95,6 +95,16 @@ class Meshes:
     def actors(self) -> NDArray[np.int64]:
         return np.array([solid.actor for solid in self.solids], np.int64)
 
+    @property
+    def owners(self) -> NDArray[np.int64]:
+        """Index of the solid of each triangle, `GROUND` for the ground."""
+        return self._owner
+
+    @property
+    def corners(self) -> Floats:
+        """(T, 3, 3) of the triangles, from the eye."""
+        return self._corners
+
     def first(self, directions: Floats) -> NDArray[np.int64]:
         """Triangle that each ray (N, 3) from the eye meets first, -1 for none."""
         found: NDArray[np.int64] = self._mesh.ray.intersects_first(np.zeros_like(directions), directions)
