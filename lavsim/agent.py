@@ -95,7 +95,7 @@ class AgentSpec:
         target: "module:Class", "file.py" or "file.py:Class" (`lavsim.agent_source`).
         config_path: Handed to `setup` as it is.
         generation: "1.0" or "2.x": constructor, order of set-up, and spacing of the plan.
-        step_timeout: Wall-clock seconds one step may take.
+        step_timeout: Wall-clock seconds one step may take; the first has five times as long.
         setup_timeout: The same for import, construction and `setup`.
         memory_limit: Resident bytes of the agent's processes together.
         output_limit: Bytes of its output that are kept.

@@ -33,6 +33,7 @@ from lavsim.types import Control
 SHARED_BYTES = 2**28  # address space only: pages are taken as they are written
 REPLY_LIMIT = 2**24  # [bytes] a control or a list of sensors is far below
 WATCH_INTERVAL = 0.5  # [s] between looks at the child's memory
+FIRST_STEP = 5.0  # times as long as the others: compilers and networks warm up in it
 CLOSE_TIMEOUT = 5.0  # [s] that `destroy` may take
 MARK = "LAVSIM_AGENT"  # variable by which what an agent started is known again
 _ROUNDS = 5  # of killing, for those that multiply meanwhile
@@ -72,6 +73,7 @@ class ChildAgent:
         self._stream: socket.socket | None = None
         self._drain: threading.Thread | None = None
         self._watched = 0.0
+        self._limit = FIRST_STEP * spec.step_timeout  # [s] that the next step may take
         self._mark = secrets.token_hex(8)
         self._offspring: set[psutil.Process] = set()  # all that were ever seen
         self._track = Track.SENSORS
@@ -122,7 +124,8 @@ class ChildAgent:
             AgentFailure: CRASHED (raised, died, unusable control, too much memory) or TIMED_OUT.
         """
         message = {"order": "step", "time": time, "readings": {key: list(value) for key, value in readings.items()}}
-        reply = self._ask(message, self.spec.step_timeout, AgentStatus.CRASHED)
+        limit, self._limit = self._limit, self.spec.step_timeout
+        reply = self._ask(message, limit, AgentStatus.CRASHED)
         # Parsed again here: the child belongs to the agent, and its word is not trusted.
         self._drawings = _believable(reply.get("drawings"))
         return parse_control(SimpleNamespace(**{key: reply.get(key) for key in Control.__dataclass_fields__}))
