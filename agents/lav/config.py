@@ -143,7 +143,7 @@ class DriveConfig(Config):
     speed_cap: float = Field(default=45.0 / 3.6, gt=0.0, description="No throttle above [m/s].")
     over_speed: float = Field(default=1.5, gt=0.0, description="Brakes when faster than planned by this [m/s].")
     brake_score: float = Field(default=0.3, ge=0.0, le=1.0, description="Scores of the brake network above stop it.")
-    collision_distance: float = Field(default=2.0, ge=0.0, description="To forecasts at the same time [m].")
+    collision_margin: float = Field(default=0.15, ge=0.0, description="Around the ego's box against forecasts [m].")
     likely: float = Field(default=0.2, ge=0.0, le=1.0, description="Commands of others below are left out.")
     refined_lane_change: bool = Field(default=False, description="Whether lane changes take the refined plan too.")
     stuck: float = Field(default=30.0, gt=0.0, description="Creeps after standing so long [s].")

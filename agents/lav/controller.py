@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 _STANDS = 0.1  # [m/s]
 _CREEP_THROTTLE = 0.4
 _BEHIND = 2.0  # [m] others whose first forecast lies that far behind can't be run into
+_STEP = 0.15  # [m] between waypoints below which a path has no direction
 STOP = Control(brake=1.0)
 
 
@@ -89,16 +90,47 @@ def planned_speed(plan: Floats) -> float:
     return float(np.hypot(steps[:, 0], steps[:, 1]).mean()) / TIME_STEP
 
 
-def collides(plan: Floats, others: Floats, likelihood: Floats, config: DriveConfig) -> bool:
-    """Whether a plan comes too near a likely forecast at the same time.
+def collides(plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, config: DriveConfig) -> bool:
+    """Whether the ego, on its plan, touches somebody on a likely forecast at the same time.
+
+    Boxes are compared, not centres as in the original: two metres between centres stop the ego beside every parked car,
+    and miss the end of a bus.
 
     Args:
         plan: (T, 2) in the planner frame [m].
         others: (N, 6, T, 2) forecasts there, by command.
         likelihood: (N, 6) of each.
+        boxes: (1 + N, 3) heading now [rad], half length and half width [m], the ego's first.
+        config: Margins.
     """
     if not len(others):
         return False
-    gap = np.hypot(*np.moveaxis(others - plan, -1, 0)).min(axis=-1)
-    counts = (likelihood >= config.likely) & (others[:, :, 0, 1] <= _BEHIND)
-    return bool(np.any(counts & (gap < config.collision_distance)))
+    own = _poses(plan, boxes[0, 0])
+    poses = _poses(others, boxes[1:, None, 0])
+    half = np.broadcast_to(boxes[1:, None, None, 1:], (*poses.shape[:3], 2))
+    touch = _overlap(own, boxes[0, 1:] + config.collision_margin, poses, half).any(axis=-1)
+    return bool(np.any(touch & (likelihood >= config.likely) & (others[:, :, 0, 1] <= _BEHIND)))
+
+
+def _poses(paths: Floats, heading: Floats | float) -> Floats:
+    """(…, T, 3) x, y and the unit heading's angle along paths (…, T, 2); who hardly moves keeps its heading."""
+    steps = np.diff(paths, axis=-2, prepend=paths[..., :1, :])
+    steps[..., 0, :] = steps[..., 1, :]
+    along = np.arctan2(steps[..., 0], -steps[..., 1])
+    moves = np.hypot(steps[..., 0], steps[..., 1]) > _STEP
+    yaw = np.where(moves, along, np.broadcast_to(np.asarray(heading)[..., None], along.shape))
+    return np.concatenate([paths, yaw[..., None]], axis=-1)
+
+
+def _overlap(first: Floats, first_half: Floats, second: Floats, second_half: Floats) -> NDArray[np.bool_]:
+    """Whether boxes (…, 3) x, y, yaw with half sizes (…, 2) meet: no axis of either parts them."""
+    offset = second[..., :2] - first[..., :2]
+    parted = np.zeros(offset.shape[:-1], np.bool_)
+    turn = second[..., 2] - first[..., 2]
+    cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    for yaw, own, other in ((first[..., 2], first_half, second_half), (second[..., 2], second_half, first_half)):
+        ahead = offset[..., 0] * np.sin(yaw) - offset[..., 1] * np.cos(yaw)
+        aside = offset[..., 0] * np.cos(yaw) + offset[..., 1] * np.sin(yaw)
+        parted |= np.abs(ahead) > own[..., 0] + other[..., 0] * cos + other[..., 1] * sin
+        parted |= np.abs(aside) > own[..., 1] + other[..., 0] * sin + other[..., 1] * cos
+    return ~parted

@@ -1,6 +1,7 @@
 """The teacher behind the wheel: LAV's planner on true bird's-eye labels, the upper bound of what a student can learn.
 
-What labels don't show, lights and stop signs, stands for the brake network's answer and is told by the truth sensor.
+Full stops are no part of its plans; what the brake network answers in the sensor agent, the truth sensor tells here:
+lights, stop signs, and walkers who come into the way.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from numpy.typing import NDArray
 
 from agents.behavior.path import PathTracker, path_of_plan
 from agents.behavior.road import StopPoint, stop_points
-from agents.lav.config import LavConfig
+from agents.lav.config import COMMANDS, TIME_STEP, LavConfig
 from agents.lav.controller import STOP, Controller, StuckCounter, collides, planned_speed
-from agents.lav.frames import command_of, planner_from_vehicle, vehicle_from_planner
+from agents.lav.frames import command_of, planner_from_vehicle, planner_from_world, vehicle_from_planner
 from agents.lav.labels import on_grid
 from agents.lav.models.crop import to_planner
 from agents.lav.models.teacher import LABEL_LAYERS, MotionNetwork, make_teacher
@@ -37,6 +38,7 @@ PIXELS_PER_METRE = 4.0  # the labels are drawn as the dataset's and made coarser
 _SAME_LEVEL = 3.0  # [m]
 _COMFORT = 3.5  # [m/s²] it brakes for a line when less would not do
 _LINE_GAP, _OVER_LINE = 1.5, 2.5  # [m] kept before a stop line; over it by more, it drives on
+_WALKER_REACH = 0.7  # [m] kept free around a walker
 _SIGN_REACH = 4.0  # [m] before a stop sign's line where standing counts
 
 
@@ -87,24 +89,28 @@ class PrivilegedLavAgent(PrivilegedAgent):
         guidance = self._guide.now(float(input_data["imu"][1][6]))
         speed = max(float(input_data["speed"][1]["speed"]), 0.0)
         command = command_of(int(guidance.command))
-        plan, others, likelihood = self._motions(input_data["bev"][1], truth, guidance.goal, command)
+        rows, poses = _vehicles(truth, self.config)
+        plan, others, likelihood = self._motions(input_data["bev"][1], poses, guidance.goal, command)
         control = self._controller.follow(plan, speed, command)
-        if self._lines.must_stop(truth, speed) or collides(plan, others, likelihood, self.config.drive):
-            control = Control(steer=control.steer, brake=STOP.brake)
-            return control  # who waits for a light is not stuck
-        return self._stuck.step(control, speed)
+        halted = Control(steer=control.steer, brake=STOP.brake)
+        if self._lines.must_stop(truth, speed):
+            return halted  # who waits for a light is not stuck
+        boxes = np.column_stack([poses[:, 2], truth["sizes"][rows, :2] / 2.0]).astype(np.float64)
+        is_hit = collides(plan, others, likelihood, boxes, self.config.drive)
+        is_hit |= collides(plan, *_walkers(truth, len(plan), boxes[0]), self.config.drive)
+        return self._stuck.step(halted if is_hit else control, speed)
 
     def drawings(self) -> dict[str, Drawing]:
         """Its plan and the likely forecasts."""
         return self._shown
 
     def _motions(
-        self, layers: NDArray[np.uint8], truth: Mapping[str, Any], goal: NDArray[np.float32], command: int
+        self, layers: NDArray[np.uint8], places: NDArray[np.float32], goal: NDArray[np.float32], command: int
     ) -> tuple[Floats, Floats, Floats]:
         """The plan (T, 2), forecasts (N, 6, T, 2) of others and their likelihoods (N, 6), in the planner's frame."""
         recorded = BevConfig.parse(self._bev)
         image = torch.from_numpy(on_grid(layers, recorded, self.config.grid)).float()
-        poses = torch.from_numpy(_poses(truth, self.config))
+        poses = torch.from_numpy(places)
         goals = torch.from_numpy(planner_from_vehicle(goal).astype(np.float32))
         with torch.inference_mode():
             motions = self.network(image[None], poses[None], goals[None])
@@ -143,8 +149,8 @@ def bev_sensor(config: LavConfig) -> dict[str, Any]:
     }
 
 
-def _poses(truth: Mapping[str, Any], config: LavConfig) -> NDArray[np.float32]:
-    """(R, 3) poses of the ego and of the vehicles ahead of it within the radius, nearest first."""
+def _vehicles(truth: Mapping[str, Any], config: LavConfig) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Rows (R,) and poses (R, 3) of the ego and of the vehicles ahead of it within the radius, nearest first."""
     xyz, yaw = truth["xyz"], truth["yaw"]
     places = to_local(xyz[:, :2], xyz[0, :2], float(yaw[0]))
     distance = np.hypot(places[:, 0], places[:, 1])
@@ -157,7 +163,19 @@ def _poses(truth: Mapping[str, Any], config: LavConfig) -> NDArray[np.float32]:
     poses[:, :2] = planner_from_vehicle(places[rows])
     poses[:, 2] = wrap_angle(yaw[rows] - yaw[0])
     poses[0] = 0.0
-    return poses
+    return rows, poses
+
+
+def _walkers(truth: Mapping[str, Any], steps: int, ego: Floats) -> tuple[Floats, Floats, Floats]:
+    """Walkers ahead who go on as they go: forecasts (N, 6, T, 2), likelihoods (N, 6) and boxes (1 + N, 3)."""
+    xyz, yaw = truth["xyz"], float(truth["yaw"][0])
+    rows = np.flatnonzero(truth["classes"] == ActorClass.WALKER)
+    time = TIME_STEP * np.arange(1, steps + 1)[:, None]
+    world = xyz[rows, None, :2] + truth["velocities"][rows, None, :2] * time
+    paths = planner_from_world(world, xyz[0, :2], yaw)
+    forecasts = np.broadcast_to(paths[:, None], (len(rows), COMMANDS, steps, 2))
+    boxes = np.concatenate([ego[None], np.tile([0.0, _WALKER_REACH, _WALKER_REACH], (len(rows), 1))])
+    return forecasts, np.ones((len(rows), COMMANDS)), boxes
 
 
 class _Lines:

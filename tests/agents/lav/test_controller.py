@@ -71,16 +71,34 @@ def test_it_creeps_after_half_a_minute_and_only_then() -> None:
     assert rolling[-1] == stop
 
 
-def test_forecasts_in_the_way_count_when_they_are_likely_near_and_not_behind() -> None:
+CAR = (2.4, 0.95)  # half length and half width [m]
+
+
+def hits(plan: np.ndarray, path: np.ndarray, heading: float = 0.0, likelihood: float = 0.5, half=CAR) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a plan runs into one other that takes `path` by one of its commands."""
+    forecasts = np.full((1, 6, 10, 2), 50.0)
+    forecasts[0, 2] = path
+    likely = np.zeros((1, 6))
+    likely[0, 2] = likelihood
+    return collides(plan, forecasts, likely, np.array([(0.0, *CAR), (heading, *half)]), CONFIG)
+
+
+def test_forecasts_in_the_way_count_when_they_are_likely_touching_and_not_behind() -> None:
     plan = straight(6.0)
     crossing = np.stack([np.linspace(-8.0, 8.0, 10), np.full(10, plan[4, 1])], axis=1)
-    forecasts = np.full((1, 6, 10, 2), 50.0)
-    forecasts[0, 2] = crossing
-    likelihood = np.zeros((1, 6))
-    assert not collides(plan, forecasts, likelihood, CONFIG)
-    likelihood[0, 2] = 0.5
-    assert collides(plan, forecasts, likelihood, CONFIG)
-    assert not collides(plan, forecasts + np.array([0.0, -9.0]), likelihood, CONFIG), "it passes ahead"
-    behind = np.broadcast_to(straight(9.0) + np.array([0.0, 6.0]), (1, 6, 10, 2))
-    assert not collides(plan, behind, np.ones((1, 6)), CONFIG), "who comes from behind is no reason to stop"
-    assert not collides(plan, forecasts[:0], likelihood[:0], CONFIG)
+    assert hits(plan, crossing, math.pi / 2.0)
+    assert not hits(plan, crossing, math.pi / 2.0, likelihood=0.1)
+    assert not hits(plan, crossing - np.array([0.0, 14.0]), math.pi / 2.0), "it passes ahead"
+    behind = straight(9.0) + np.array([0.0, 6.0])
+    assert not hits(plan, behind), "who comes from behind is no reason to stop"
+    assert not collides(plan, np.zeros((0, 6, 10, 2)), np.zeros((0, 6)), np.array([(0.0, *CAR)]), CONFIG)
+
+
+def test_a_parked_car_beside_the_way_is_no_obstacle_and_one_on_it_is() -> None:
+    parked = np.tile([2.2, -4.0], (10, 1))
+    assert not hits(straight(6.0), parked)
+    assert hits(straight(6.0), parked - np.array([1.0, 0.0]))
+    assert hits(straight(6.0), parked, heading=math.pi / 2.0), "standing across it reaches into the way"
+    far_end = np.tile([0.0, -21.0], (10, 1))
+    assert hits(straight(6.0), far_end, half=(6.0, 1.25)), "the rear of a bus counts, not its middle"
+    assert not hits(straight(6.0), far_end)
