@@ -282,9 +282,11 @@ def _paint_sky(begin, end, origin, place, look, smooth, paint):  # type: ignore[
             blue_of[n], glow_of[n] = blue + more_blue * cloud, np.float32(1.0)
             cloud += step
         if sun > none or sun_ahead > none:
+            clear = np.float32(1.0) - (cloud - step * np.float32(last - first))  # what the clouds leave of the sun
             for n in range(np.uint64(first), np.uint64(last)):
                 ray_x, ray_y = (x[n] - eye_x) * near, (y[n] - eye_y) * near
-                shine = np.float32(255.0) * _sun(ray_x, ray_y, rise[n], look.sun, look.sunlight)
+                shine = np.float32(255.0) * max(clear, none) * _sun(ray_x, ray_y, rise[n], look.sun, look.sunlight)
+                clear -= step
                 for c in range(3):
                     paint[c, n] += shine * look.sunlight[c]
 
