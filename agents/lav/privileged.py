@@ -38,6 +38,7 @@ PIXELS_PER_METRE = 4.0  # the labels are drawn as the dataset's and made coarser
 _SAME_LEVEL = 3.0  # [m]
 _COMFORT = 3.5  # [m/s²] it brakes for a line when less would not do
 _LINE_GAP, _OVER_LINE = 1.5, 2.5  # [m] kept before a stop line; over it by more, it drives on
+_STANDS = 0.3  # [m/s]
 _WALKER_REACH = 0.7  # [m] kept free around a walker
 _SIGN_REACH = 4.0  # [m] before a stop sign's line where standing counts
 
@@ -91,6 +92,9 @@ class PrivilegedLavAgent(PrivilegedAgent):
         command = command_of(int(guidance.command))
         rows, poses = _vehicles(truth, self.config)
         plan, others, likelihood = self._motions(input_data["bev"][1], poses, guidance.goal, command)
+        # One image holds no speed: the network lets every parked car pull out.
+        stands = np.linalg.norm(truth["velocities"][rows[1:]], axis=1) < _STANDS
+        others[stands] = poses[1:, None, None, :2][stands]
         control = self._controller.follow(plan, speed, command)
         halted = Control(steer=control.steer, brake=STOP.brake)
         if self._lines.must_stop(truth, speed):
