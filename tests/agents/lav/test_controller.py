@@ -42,7 +42,7 @@ def test_it_drives_on_and_steers_to_the_side_of_the_plan() -> None:
     assert right.steer == pytest.approx(-left.steer)
     aim = arc(6.0, 12.0)[4]
     error = math.atan2(aim[0], -aim[1]) / (math.pi / 2.0)
-    assert right.steer == pytest.approx(error * (1.0 + 0.5 / 40 + 0.2))
+    assert right.steer == pytest.approx(error * (0.8 + 0.5 / 40 + 0.2))
 
 
 @pytest.mark.parametrize(
