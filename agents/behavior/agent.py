@@ -34,6 +34,8 @@ LINE_GAP = 0.8  # [m] between bumper and stop line
 YELLOW_BRAKING = 3.0  # [m/s²] it stops at yellow if that much suffices
 LAST_BRAKING = 8.0  # [m/s²] or this much, if its rear would not be over the line before red
 YELLOW = 3.0  # [s] CARLA's yellow
+REAR_OVER = 0.3  # [m] that its rear may still have before a stop line for the line to count as crossed
+CRAWLS = 2.0  # [m/s]
 OVER_LINE = 2.5  # [m] over a stop line at which it still stops for red: the rear decides
 AT_REST = 0.05  # [m/s] below the 0.1 that counts as stopped
 SIGN_REACH = 2.5  # [m] before the end of its lane a stop counts for a stop sign, by the stricter rules of 2.x
@@ -191,15 +193,17 @@ class Expert:
         lowest = math.inf
         for number, stop in enumerate(self.stops):
             room = stop.s - ego.s - ego.half_length
-            if room < -OVER_LINE:
+            if room < -2.0 * ego.half_length + REAR_OVER:
                 continue
             if room > 60.0:
                 break
             state = int(lights[stop.light])
             if state == LightState.YELLOW:
-                since = self._yellow_since.setdefault(number, self._time)
-                if number not in self._goes and self._crosses_at_yellow(ego, room, self._time - since):
+                since = self._time - self._yellow_since.setdefault(number, self._time)
+                if number not in self._goes and self._crosses_at_yellow(ego, room, since):
                     self._goes.add(number)
+                if ego.speed < CRAWLS and self._time_to_clear(ego, room) > YELLOW - since - 0.3:
+                    self._goes.discard(number)  # somebody held it up: its rear would still be on the line at red
                 if number in self._goes:
                     continue
             else:
@@ -229,8 +233,11 @@ class Expert:
         needed = ego.speed**2 / (2.0 * max(room - 0.2, 0.05))
         if needed < YELLOW_BRAKING:
             return False
-        clear = time_to_cover(room + 2.0 * ego.half_length + 1.0, ego.speed, 1.5, ego.wanted)
-        return needed > LAST_BRAKING or clear < YELLOW - since - 0.3
+        return needed > LAST_BRAKING or self._time_to_clear(ego, room) < YELLOW - since - 0.3
+
+    def _time_to_clear(self, ego: Ego, room: float) -> float:
+        """Seconds until its rear is over a line that its front reaches in `room` metres."""
+        return time_to_cover(room + 2.0 * ego.half_length + 1.0, ego.speed, 1.5, ego.wanted)
 
     def _junction(self, ego: Ego, stops: Floats) -> float:
         """Acceleration that keeps it out of a junction it could not leave [m/s²]."""

@@ -29,6 +29,7 @@ TIGHTEST = 0.2  # [1/m]
 FACED_AHEAD = 70.0  # [m]
 FACED_CLEAR = 0.35  # [m] kept from who comes against it
 KEEP_RIGHT = (1.2, 1.0, 0.8, 0.6, 0.4)  # [m] at most, as the lane allows
+ROOM_BESIDE = 0.25  # [m] kept from what stands beside it then
 FACED_STRETCHES = (FACED_AHEAD, 45.0, 25.0)  # [m] for which it keeps right at first
 
 _SPECIAL = int(VehicleLight.SPECIAL1 | VehicleLight.SPECIAL2)
@@ -88,7 +89,7 @@ def keep_right(ego: Ego, near: Neighbours, ground: Ground) -> Shift | None:
         ramp = max(6.0, math.sqrt(BEND * offset / TIGHTEST), ego.speed)
         for stretch in FACED_STRETCHES:
             leave = ego.s + max(stretch, ramp)
-            if ground(ego.s + ramp, leave, offset) == WITHIN:
+            if ground(ego.s + ramp, leave, offset) == WITHIN and not _is_taken(ego, near, leave, offset):
                 return Shift(ego.s, ego.s + ramp, leave, leave + 15.0, offset)
     return None
 
@@ -98,9 +99,16 @@ def kept_right(ego: Ego, near: Neighbours, shift: Shift, ground: Ground) -> Shif
     wanted = ego.s + FACED_AHEAD
     if wanted < shift.leave + 10.0 or not _invading(ego, near).any():
         return shift
-    if ground(shift.leave, wanted, shift.offset) != WITHIN:
+    if ground(shift.leave, wanted, shift.offset) != WITHIN or _is_taken(ego, near, wanted, shift.offset):
         return shift
     return replace(shift, leave=wanted, end=wanted + 15.0)
+
+
+def _is_taken(ego: Ego, near: Neighbours, until: float, offset: float) -> bool:
+    """Whether something stands where the ego would drive `offset` to the right up to place `until`."""
+    half = ego.half_width + ROOM_BESIDE
+    within = (near.rear < until + ego.half_length) & (near.front > ego.s - ego.half_length) & (np.abs(near.speed) < 1.0)
+    return bool(np.any(within & (near.left < offset + half) & (near.right > offset - half)))
 
 
 def _invading(ego: Ego, near: Neighbours) -> NDArray[np.bool_]:

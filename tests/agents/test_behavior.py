@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from agents.behavior.agent import Expert
 from agents.behavior.control import pedals
+from agents.behavior.hazards import Ego
 from agents.behavior.manner import Manner
 from agents.behavior.path import STEP, PathTracker, ReferencePath, path_through
 from agents.behavior.road import StopPoint
@@ -246,6 +247,16 @@ def test_yellow_stops_who_can_and_spares_who_cannot() -> None:
     assert stops.x + LENGTH / 2.0 < 45.0
     goes = Road(expert(stop=16.0), lights=turning).drive(3.0)
     assert goes.x - LENGTH / 2.0 - 1.0 > 16.0, "over the line with its rear before red"
+
+
+@pytest.mark.parametrize(("since", "waits"), [(2.0, True), (0.1, False)])
+def test_who_was_held_up_on_the_line_leaves_it_at_yellow_only_if_there_is_time(since: float, waits: bool) -> None:
+    made = expert(stop=60.0)
+    ego = Ego(63.0 - LENGTH / 2.0, 0.0, 0.0, 0.0, 0.0, 8.0, LENGTH / 2.0, 0.95)
+    made._time, made._yellow_since, made._goes = 10.0, {0: 10.0 - since}, {0}
+    assert (made._lights(ego, [LightState.YELLOW]) < 0.5) == waits
+    assert made._lights(ego, [LightState.RED]) < 0.0, "its rear has not crossed"
+    assert made._lights(ego._replace(s=66.0), [LightState.RED]) == math.inf, "now it has"
 
 
 def test_standing_vehicle_is_stopped_for() -> None:
