@@ -130,8 +130,8 @@ class PidConfig(Config):
 class DriveConfig(Config):
     """From a plan to a control, and what overrules it (reference `lav.md` 6.3 to 6.5; one value a command).
 
-    Gains and aims are those of the leaderboard entry: the paper's (1.0, and the fifth waypoint always) cut bends here by
-    more than a metre. Speeds are ours: the expert drives faster than CARLA's cautious one.
+    Gains and aims are those of the leaderboard entry: the paper's (1.0, and always the fifth waypoint) cut bends here
+    by more than a metre. Speeds are ours: the expert drives faster than CARLA's cautious one.
     """
 
     steering: PidConfig = PidConfig(proportional=0.8, integral=0.5, derivative=0.2)

@@ -34,6 +34,7 @@ from lavsim.types import ActorClass, Control, LightState
 
 Floats = NDArray[np.float64]
 
+TEACHER = Path(__file__).parent / "trained" / "teacher-tiny.safetensors"
 PIXELS_PER_METRE = 4.0  # the labels are drawn as the dataset's and made coarser as there
 _SAME_LEVEL = 3.0  # [m]
 _COMFORT = 3.5  # [m/s²] it brakes for a line when less would not do
@@ -49,16 +50,16 @@ def get_entry_point() -> str:
 
 
 class PrivilegedLavAgent(PrivilegedAgent):
-    """LAV's teacher on true labels; the configuration is the file of its weights."""
+    """LAV's teacher on true labels; the configuration is the file of its weights, those that ship by default."""
 
     radius = 60.0
 
     def setup(self, path_to_conf_file: str | None) -> None:
         super().setup(path_to_conf_file)
         torch.set_num_threads(1)
-        if not path_to_conf_file:
-            raise ConfigError("PrivilegedLavAgent needs its weights: --agent-config weights/…/bev.safetensors.")
-        weights = read_weights(Path(path_to_conf_file))
+        weights = read_weights(Path(path_to_conf_file) if path_to_conf_file else TEACHER)
+        if weights.stage != "bev":
+            raise ConfigError(f"the teacher needs weights of stage 'bev', got those of {weights.stage!r}.")
         self.config = weights.config
         self.network: MotionNetwork = make_teacher(self.config).eval()
         self.network.load_state_dict(dict(weights.tensors))
@@ -200,8 +201,8 @@ class _Lines:
             needed = speed * speed / (2.0 * max(room - _LINE_GAP, 0.1))
             if room > 60.0:
                 return False
-            if self._holds(number, stop, truth, speed, room) and needed > _COMFORT * (speed > 1.0):
-                return room < _LINE_GAP + 0.5 or speed > 1.0
+            if (room < _LINE_GAP + 0.5 or needed > _COMFORT) and self._holds(number, stop, truth, speed, room):
+                return True
         return False
 
     def _holds(self, number: int, stop: StopPoint, truth: Mapping[str, Any], speed: float, room: float) -> bool:
