@@ -143,7 +143,7 @@ def _decide(scene: Scene, fleet: Fleet, vehicle_lights: NDArray[np.int32], i: in
         gap = min(gap, _follow(scene, fleet, i, len(fleet.row) + i, speed, allowed, horizon))
     reach = min(horizon, half + gap + 2.0)
     is_blocked = _keep_off(scene, fleet, i, speed, allowed, free, reach, tick)
-    if scene.changes_lanes:
+    if scene.changes_lanes or is_blocked:  # 2.x's traffic changes lanes only round what stands in its way
         consider_change(
             lanes, fleet, boxes, scene.near, scene.sorting.slot, i, allowed, fleet.brake[i], is_blocked, gives_way, tick
         )

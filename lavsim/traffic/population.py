@@ -33,6 +33,7 @@ _SEEN = 40.0  # [m] from the ego: nobody vanishes there
 _OUT_OF_SIGHT = 80.0  # [m] from the ego: there others may appear
 _ROOM_TO_APPEAR = 15.0  # [m]
 _DISSOLVE_PAUSE = 200  # ticks between two vehicles that are taken out
+_FLAT = 0.3  # [m] things lower than that are driven over
 _SEARCH_TICKS = 10  # between two looks at the whole map for guests that have no lane
 
 
@@ -85,6 +86,7 @@ class Traffic:
         self._calls = np.full(_MOST_CALLS, -1, np.int64)
         self._changes_lanes = True
         self._half = np.zeros((0, 2))
+        self._is_flat, self._has_flat = np.zeros(0, np.bool_), False
         self._known = 0
         self._meet()
         self._cells = np.zeros(len(self._lanes.points), np.int32)
@@ -129,8 +131,8 @@ class Traffic:
         if n > self._known:
             self._meet()
         boxes = Boxes(
-            world.present[:n], world.pose[:n], world.velocity[:n], self._half[:n], world.height[:n], world.body[:n, 0],
-            self._is_fleet[:n],
+            self._in_the_way(n), world.pose[:n], world.velocity[:n], self._half[:n], world.height[:n],
+            world.body[:n, 0], self._is_fleet[:n],
         )  # fmt: skip
         if world.tick % _SEARCH_TICKS == 0:
             find_lost(self._town, self._guests, boxes)
@@ -173,6 +175,11 @@ class Traffic:
         braking = rows[(now > speed) | (speed == 0.0)]
         world.lights[braking] |= int(VehicleLight.BRAKE)
 
+    def _in_the_way(self, count: int) -> NDArray[np.bool_]:
+        """(count,) which rows drivers heed: those present but for flat things, debris, which they drive over."""
+        present = self._world.present[:count]
+        return present & ~self._is_flat[:count] if self._has_flat else present
+
     def _meet(self) -> None:
         """Takes in the sizes of rows that are new in the world, making room where there is none."""
         count = self._world.count
@@ -180,10 +187,13 @@ class Traffic:
             self._half = np.zeros((max(64, 2 * count), 2))
             self._known = 0
             self._is_fleet = np.zeros(len(self._half), np.bool_)
+            self._is_flat = np.zeros(len(self._half), np.bool_)
             self._sorting = make_sorting(len(self._half))
             self._grid = make_grid(self._bounds, len(self._half))
         new = slice(self._known, count)
         self._half[new] = self._world.table.sizes[new, :2].astype(np.float64) / 2.0
+        self._is_flat[new] = self._world.table.sizes[new, 2] < _FLAT
+        self._has_flat = bool(self._is_flat.any())
         self._known = count
 
     def _spawn(self, slot: int, lane: int, u: float, pose: NDArray[np.float64]) -> None:

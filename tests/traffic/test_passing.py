@@ -112,3 +112,13 @@ def test_who_has_come_too_near_does_not_swing_out() -> None:
     stage.run(60.0)
     assert stage.contacts == 0
     assert x_of(stage) < float(guest.xy[0])
+
+
+@pytest.mark.parametrize(("prop", "held"), [("static.prop.dirtdebris01", False), ("static.prop.streetbarrier", True)])
+def test_debris_is_driven_over_and_a_barrier_is_not(prop: str, held: bool) -> None:
+    stage = Stage(worlds.straight(300.0), [(EAST, 40.0)])
+    stage.put(EAST, 120.0, blueprint=prop, role=Role.PROP)
+    stage.put(WEST, 175.0)  # nobody could pass over there
+    stage.run(25.0)
+    assert (x_of(stage) < 120.0) == held
+    assert stage.contacts == 0
