@@ -169,7 +169,7 @@ def entry_of(
         weather=weather,
         scenarios=(),
         generation="2.x",
-        traffic="lav",
+        traffic=None,
         file="",
         line=0,
     )

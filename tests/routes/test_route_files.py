@@ -34,7 +34,7 @@ def commands_of(name: str) -> set[RoadOption]:
 
 
 def test_every_bundled_file_has_its_function() -> None:
-    assert sorted(FILES) == route_files()
+    assert sorted([*FILES, "hazards"]) == route_files(), "hazards is drawn by driving: benchmarks/hazards.py"
 
 
 @pytest.mark.parametrize("name", sorted(FILES))
