@@ -13,36 +13,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.lav.config import GridConfig, LavConfig
-from agents.lav.frames import command_of, planner_from_vehicle
+from agents.lav.config import LavConfig
+from agents.lav.data.arrays import grid_layers, motion_arrays
+from agents.lav.data.windows import bev_config
 from lavsim.dataset.reader import Dataset
-from lavsim.dataset.samples import SampleFilter, motions_of
+from lavsim.dataset.samples import SampleFilter
 from lavsim.dataset.windows import Windows
 from lavsim.errors import ConfigError
-from lavsim.sensors.bev import BevConfig, ego_column, ego_row
 
 LAYERS = 5  # road, vehicle, pedestrian, solid, broken
-
-
-def on_grid(layers: NDArray[np.uint8], recorded: BevConfig, grid: GridConfig) -> NDArray[np.uint8]:
-    """Recorded layers (L, H, W) on a grid (L, rows, cols), 0 or 1: a cell is set where any of its pixels is.
-
-    Raises:
-        ConfigError: the grid's cells are no multiple of the recorded ones.
-    """
-    factor = round(grid.cell * recorded.pixels_per_metre)
-    if abs(factor / recorded.pixels_per_metre - grid.cell) > 1e-9:
-        raise ConfigError(
-            f"the data's {recorded.pixels_per_metre:g} px/m make no whole number of pixels in cells of {grid.cell:g} m."
-        )
-    top = round(ego_row(recorded) - grid.ahead * recorded.pixels_per_metre)
-    left = round(ego_column(recorded) - grid.aside * recorded.pixels_per_metre)
-    canvas = np.zeros((len(layers), grid.rows * factor, grid.cols * factor), np.uint8)
-    rows = slice(max(top, 0), min(top + canvas.shape[1], layers.shape[1]))
-    cols = slice(max(left, 0), min(left + canvas.shape[2], layers.shape[2]))
-    if rows.start < rows.stop and cols.start < cols.stop:
-        canvas[:, rows.start - top : rows.stop - top, cols.start - left : cols.stop - left] = layers[:, rows, cols] > 0
-    return canvas.reshape(len(layers), grid.rows, factor, grid.cols, factor).max(axis=(2, 4))
 
 
 @dataclass(frozen=True)
@@ -89,7 +68,7 @@ def read_motions(data: Dataset, config: LavConfig, most: int = 12, stride: int =
     Raises:
         ConfigError: the dataset has no such labels, or no window that is long enough.
     """
-    recorded = _recorded_bev(data)
+    recorded = bev_config(data)
     windows = Windows(list(data.episodes.values()), config.motion.waypoints, stride)
     if not len(windows):
         raise ConfigError(f"{data.root.name} holds no {config.motion.waypoints + 1} frames in a row.")
@@ -106,24 +85,9 @@ def read_motions(data: Dataset, config: LavConfig, most: int = 12, stride: int =
     )
     for k in range(len(windows)):
         episode, frame = windows[k]
-        row = data.read(episode, frame, ("bev", "command", "goal", "brake", "speed"))
-        found.bev[k] = np.packbits(on_grid(row["bev"], recorded, config.grid), axis=-1)
-        motions = motions_of(data.table(episode), frame, config.motion.waypoints, filters)
-        count = len(motions.ids)
-        found.poses[k, :count, :2] = planner_from_vehicle(motions.places)
-        found.poses[k, :count, 2] = motions.headings
-        found.futures[k, :count] = planner_from_vehicle(motions.futures)
-        found.is_real[k, :count] = True
-        found.command[k] = command_of(int(row["command"]))
-        found.goal[k] = planner_from_vehicle(row["goal"])
-        found.brake[k], found.speed[k] = bool(row["brake"]), float(row["speed"])
+        layers = data.read(episode, frame, ("bev",))["bev"]
+        found.bev[k] = np.packbits(grid_layers(layers, recorded, config.grid), axis=-1)
+        arrays = motion_arrays(data.table(episode), frame, config.motion.waypoints, filters)
+        for name in ("poses", "futures", "is_real", "command", "goal", "brake", "speed"):
+            getattr(found, name)[k] = arrays[name]
     return found
-
-
-def _recorded_bev(data: Dataset) -> BevConfig:
-    for sensor in data.info.record.suite:
-        if sensor.get("type") == "sensor.lavsim.bev":
-            config = BevConfig.parse(sensor)
-            if config.names == BevConfig(type="", id="").names:
-                return config
-    raise ConfigError(f"{data.root.name} has no bird's-eye labels with LAV's layers.")

@@ -18,8 +18,8 @@ from agents.behavior.path import PathTracker, path_of_plan
 from agents.behavior.road import StopPoint, stop_points
 from agents.lav.config import COMMANDS, TIME_STEP, LavConfig
 from agents.lav.controller import STOP, Controller, StuckCounter, collides, planned_speed
+from agents.lav.data.arrays import grid_layers
 from agents.lav.frames import command_of, planner_from_vehicle, planner_from_world, vehicle_from_planner
-from agents.lav.labels import on_grid
 from agents.lav.models.crop import to_planner
 from agents.lav.models.teacher import LABEL_LAYERS, MotionNetwork, make_teacher
 from agents.lav.weights import read_weights
@@ -68,6 +68,7 @@ class PrivilegedLavAgent(PrivilegedAgent):
         self._guide: Guide | None = None
         self._lines: _Lines | None = None
         self._bev = bev_sensor(self.config)
+        self._drawn = BevConfig.parse(self._bev)
         self._shown: dict[str, Drawing] = {}
 
     def sensors(self) -> list[dict[str, Any]]:
@@ -113,8 +114,7 @@ class PrivilegedLavAgent(PrivilegedAgent):
         self, layers: NDArray[np.uint8], places: NDArray[np.float32], goal: NDArray[np.float32], command: int
     ) -> tuple[Floats, Floats, Floats]:
         """The plan (T, 2), forecasts (N, 6, T, 2) of others and their likelihoods (N, 6), in the planner's frame."""
-        recorded = BevConfig.parse(self._bev)
-        image = torch.from_numpy(on_grid(layers, recorded, self.config.grid)).float()
+        image = torch.from_numpy(grid_layers(layers, self._drawn, self.config.grid)).float()
         poses = torch.from_numpy(places)
         goals = torch.from_numpy(planner_from_vehicle(goal).astype(np.float32))
         with torch.inference_mode():

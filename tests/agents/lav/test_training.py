@@ -12,7 +12,8 @@ torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsi
 from torch import nn
 
 from agents.lav.config import LavConfig, find_preset
-from agents.lav.labels import MotionSamples, on_grid
+from agents.lav.data.arrays import grid_layers
+from agents.lav.labels import MotionSamples
 from agents.lav.models.crop import to_planner
 from agents.lav.models.teacher import make_teacher
 from agents.lav.stages.base import Stage, StageInput, StepContext, TrainConfig
@@ -196,10 +197,10 @@ def test_recorded_labels_land_on_the_grid_where_the_ego_sees_them() -> None:
     layers[1, 280 - 40, 160 + 20] = 255  # 10 m ahead, 5 m right
     for name in ("tiny", "micro", "small", "paper"):
         grid = find_preset(name).grid
-        found = on_grid(layers, recorded, grid)
+        found = grid_layers(layers, recorded, grid)
         assert found.shape == (5, grid.rows, grid.cols)
         row, col = np.argwhere(found[1])[0]
         assert grid.ahead - (row + 0.5) * grid.cell == pytest.approx(9.875, abs=grid.cell / 2)
         assert (col + 0.5) * grid.cell - grid.aside == pytest.approx(5.125, abs=grid.cell / 2)
-    with pytest.raises(ConfigError, match="px/m"):
-        on_grid(layers, recorded, find_preset("tiny").grid.model_copy(update={"cell": 0.4}))
+    with pytest.raises(ConfigError, match="do not fit"):
+        grid_layers(layers, recorded, find_preset("tiny").grid.model_copy(update={"cell": 0.4}))
