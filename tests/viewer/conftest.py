@@ -40,9 +40,24 @@ class Window:
     def until(self, script: str, limit: float = 30.0) -> None:
         """Waits until a script's value is true."""
         end = time.monotonic() + limit
-        while not self.page.evaluate(script):
+        while not self._holds(script):
             assert time.monotonic() < end, f"never came true: {script}; the page said {self.said}"
             time.sleep(0.02)
+
+    def _holds(self, script: str) -> bool:
+        from playwright.sync_api import Error
+
+        try:
+            return bool(self.page.evaluate(script))
+        except Error as error:
+            if "context was destroyed" not in str(error):  # a link was clicked: the next page will tell
+                raise
+            return False
+
+    def text(self, selector: str) -> str:
+        """Text of an element, once everything is drawn: a page that shows a new moment writes it in its next frame."""
+        self.settle()
+        return str(self.page.locator(selector).inner_text())
 
     def ask(self, script: str) -> Any:
         """Value of a script."""

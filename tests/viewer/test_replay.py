@@ -151,18 +151,17 @@ def test_infractions_lead_to_their_moment(window: Window, page: Path) -> None:
     x = window.ask(f"replay.player.timeline.x({drives.HAZARD[0]})")
     window.page.mouse.click(box["x"] + x + 3.0, box["y"] + 9.0)
     assert window.ask("replay.state().tick") == drives.FIRST + drives.HAZARD[0]
-    assert window.page.locator("#hud-state").inner_text() == "DynamicObjectCrossing"
+    assert window.text("#hud-state") == "DynamicObjectCrossing"
     assert window.ask("window.evil") is None
 
 
 def test_inspector_tells_what_the_log_says(window: Window, page: Path) -> None:
     window.open(page, f"#t={(drives.FIRST + 130) * 0.05}")
-    facts = window.page.locator("#facts").inner_text().split("\n")
+    facts = window.text("#facts").split("\n")
     assert facts[facts.index("actor") + 1] == "1 (ego)"
     assert facts[facts.index("speed") + 1] == "21.6 km/h"
     window.ask("replay.player.select(1)")
-    window.settle()
-    facts = window.page.locator("#facts").inner_text().split("\n")
+    facts = window.text("#facts").split("\n")
     assert facts[facts.index("actor") + 1] == "1000 (traffic)"
     assert facts[facts.index("speed") + 1] == "7.2 km/h"
     assert facts[facts.index("lamps") + 1] == "brake"
@@ -182,7 +181,7 @@ def test_time_to_contact_is_that_of_moving_boxes(window: Window, page: Path) -> 
 
 def test_what_the_agent_showed_is_there(window: Window, page: Path) -> None:
     window.open(page, "#t=3")
-    assert window.page.locator("#scalars").inner_text().split() == ["speed", "3.5", "m/s"]
+    assert window.text("#scalars").split() == ["speed", "3.5", "m/s"]
     names = window.page.locator("#layers label").all_inner_texts()
     assert [name for name in names if name in ("plan", "seen", "dots", "heat")] == ["plan", "seen", "dots", "heat"]
 

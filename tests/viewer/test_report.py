@@ -29,8 +29,7 @@ def test_infraction_opens_the_replay_at_its_moment(window: Window, report: Path)
     assert window.page.locator("#events button").count() == 2
     window.page.go_back()
     window.page.locator("#drive-0 .head a").click()
-    window.settle()
-    assert "<script>" in window.page.locator("#title").inner_text()
+    assert "<script>" in window.text("#title")
     assert window.ask("window.evil") is None
 
 

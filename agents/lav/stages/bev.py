@@ -137,7 +137,7 @@ def measures_of(network: torch.nn.Module, samples: MotionSamples) -> dict[str, f
         motions: Motions = network(batch.images, batch.poses, batch.goals)
         for name, values in _errors(motions, batch, torch.from_numpy(samples.speed[index])).items():
             sums.setdefault(name, []).append(values)
-    return {name: float(torch.cat(values).mean()) for name, values in sums.items()} | {"frames": float(len(moves))}
+    return {name: float(torch.cat(values).mean().detach()) for name, values in sums.items()} | {"frames": float(len(moves))}
 
 
 def _errors(motions: Motions, batch: Batch, speed: Tensor) -> dict[str, Tensor]:
