@@ -53,7 +53,7 @@ def _gap(
     dx: float, dy: float, yaw_a: float, yaw_b: float, size_a: NDArray[np.float32], size_b: NDArray[np.float32]
 ) -> float:
     """Distance between two boxes whose centres are (dx, dy) apart [m]; 0 when they touch."""
-    apart = max(_separation(dx, dy, yaw_a, yaw_b, size_a, size_b), _separation(-dx, -dy, yaw_b, yaw_a, size_b, size_a))
+    apart = max(separation(dx, dy, yaw_a, yaw_b, size_a, size_b), separation(-dx, -dy, yaw_b, yaw_a, size_b, size_a))
     if apart <= 0.0:
         return 0.0
     return min(
@@ -62,7 +62,7 @@ def _gap(
 
 
 @kernel
-def _separation(
+def separation(
     dx: float, dy: float, yaw_a: float, yaw_b: float, size_a: NDArray[np.float32], size_b: NDArray[np.float32]
 ) -> float:
     """Largest gap between the boxes along the axes of box a [m]; negative where they overlap on both."""
