@@ -98,6 +98,7 @@ class BackboneConfig(Config):
     detection_radius: float = Field(default=15.0, gt=0.0, description="Labels of vehicles within [m].")
     walker_radius: float = Field(default=10.0, gt=0.0, description="Labels of pedestrians within [m].")
     ring: float = Field(default=10.0, ge=0.0, description="Beyond the radius, where nothing counts as background [m].")
+    least_hits: int = Field(default=0, ge=0, description="Actors with fewer points are neither found nor denied.")
 
 
 class MotionConfig(Config):
@@ -151,6 +152,17 @@ class DriveConfig(Config):
     creep: float = Field(default=1.0, ge=0.0, description="For so long [s].")
 
 
+class TrainingConfig(Config):
+    """What the stages learn from and in which order: the paper's ablations (reference `lav.md` 5.3)."""
+
+    others: bool = Field(default=True, description="Whether motion is learnt from all vehicles, not the ego's alone.")
+    distillation: bool = Field(default=True, description="Whether the student mimics the teacher, not the log.")
+    perception: Literal["none", "joint", "staged"] = Field(
+        default="staged", description="Perception's losses: never, together with motion, or before it and together."
+    )
+    painting: Literal["network", "truth"] = Field(default="network", description="What paints the points.")
+
+
 class LavConfig(Config):
     """All sizes of one LAV."""
 
@@ -165,6 +177,7 @@ class LavConfig(Config):
     backbone: BackboneConfig = BackboneConfig()
     motion: MotionConfig = MotionConfig()
     temporal: TemporalConfig = TemporalConfig()
+    training: TrainingConfig = TrainingConfig()
     drive: DriveConfig = DriveConfig()
 
     @property
@@ -176,6 +189,8 @@ class LavConfig(Config):
 
 _SMALL_CAMERAS = CameraConfig(height=144, width=128, telephoto_height=96, telephoto_width=240)
 _TINY_RESNET = ResNetConfig(depth=10, width=16)
+# The paper's radius of 15 m is the motions'; cars are told from farther, so that forecasts of them have a beginning.
+_FAR_SIGHTED = BackboneConfig(neck=32, shared_head=True, detection_radius=35.0, walker_radius=25.0, least_hits=3)
 
 PRESETS: Mapping[str, LavConfig] = {
     "paper": LavConfig(),
@@ -187,7 +202,7 @@ PRESETS: Mapping[str, LavConfig] = {
         segmentation=SegmentationConfig(network="erfnet", widths=(8, 32, 64), blocks=(3, 1)),
         brake=ResNetConfig(depth=10, width=32),
         pillars=PillarConfig(points=20_000),
-        backbone=BackboneConfig(neck=32, shared_head=True),
+        backbone=_FAR_SIGHTED,
         motion=MotionConfig(embedding=ResNetConfig(depth=10, width=32), refine_hidden=256),
     ),
     "tiny": LavConfig(
@@ -198,7 +213,7 @@ PRESETS: Mapping[str, LavConfig] = {
         segmentation=SegmentationConfig(network="light", widths=(16, 32, 64, 96), blocks=(0, 0)),
         brake=_TINY_RESNET,
         pillars=PillarConfig(points=12_000),
-        backbone=BackboneConfig(neck=32, shared_head=True),
+        backbone=_FAR_SIGHTED,
         motion=MotionConfig(embedding=_TINY_RESNET, refine_hidden=None),
     ),
     "micro": LavConfig(

@@ -23,19 +23,27 @@ def train(
     config: Annotated[Path | None, typer.Option(help="TOML with fields of 'lav' and 'train'.")] = None,
     sets: Annotated[list[str] | None, typer.Option("--set", help="A field: 'train.epochs=3'.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the training in the folder.")] = False,
-    threads: Annotated[int, typer.Option(help="Threads of this process.")] = 1,
+    threads: Annotated[int, typer.Option(help="Threads of each process.")] = 1,
+    variant: Annotated[
+        str | None, typer.Option(help="A row of the paper's tables: 'ego-only', 'refinements-1'.")
+    ] = None,
+    shared: Annotated[
+        Path | None, typer.Option(help="Another training's folder: stages that do not differ are taken from it.")
+    ] = None,
+    device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "cpu",
+    processes: Annotated[int, typer.Option(min=1, help="Processes that share each batch: cores, or GPUs.")] = 1,
 ) -> None:
     """Train one stage of LAV, or all of them; what is finished is not trained again."""
     try:
-        from agents.lav.train import TrainTask
+        from agents.lav.train import TrainTask, describe
         from agents.lav.train import train as run
     except ImportError as error:
         raise ConfigError(f"training needs {error.name}: pip install 'lavsim[lav]'.") from None
 
-    task = TrainTask(stage, data, out, preset, validation, config, sets or (), resume, threads)
+    task = TrainTask(
+        stage, data, out, preset, validation, config, sets or (), resume, threads, variant, shared, device, processes
+    )
     with Shares() as shares:
-        measures = run(task, lambda name, pace: shares.update(
-            name, pace.step / pace.steps, f"loss {pace.loss:.3f}, {pace.samples_per_s:.0f} samples/s"
-        ))  # fmt: skip
+        measures = run(task, lambda name, pace: shares.update(name, pace.step / pace.steps, describe(name, pace)))
     for name, values in measures.items():
         typer.echo(f"{name}: {json.dumps({key: round(value, 4) for key, value in values.items()})}")

@@ -13,12 +13,14 @@ from torch import nn
 
 from agents.lav.config import LavConfig, find_preset
 from agents.lav.data.arrays import grid_layers
+from agents.lav.feed import Order
 from agents.lav.labels import MotionSamples
 from agents.lav.models.crop import to_planner
 from agents.lav.models.teacher import make_teacher
+from agents.lav.records import CURVE, MEASURES
 from agents.lav.stages.base import Stage, StageInput, StepContext, TrainConfig
 from agents.lav.stages.bev import OTHERS, Batch, draw_batch, measures_of, plain_batch, teacher_loss
-from agents.lav.training import CURVE, MEASURES, Order, rate_at, train_stage
+from agents.lav.training import rate_at, train_stage
 from agents.lav.weights import Weights, read_weights, write_weights
 from lavsim.errors import ConfigError
 from lavsim.random import Draws
