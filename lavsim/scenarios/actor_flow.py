@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from lavsim.errors import ConfigError, LavsimError
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
-from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.enter import clear_line
-from lavsim.scenarios.moves.flow import ActorFlow
+from lavsim.scenarios.moves.flow import ActorFlow, StreamConfig
 from lavsim.scenarios.moves.junctions import (
     LEFT,
     OPPOSITE,
@@ -27,7 +26,7 @@ from lavsim.scenarios.moves.junctions import (
 )
 from lavsim.scenarios.moves.meeting import phase_to_meet
 from lavsim.scenarios.moves.route_lines import line_beside, line_between, oncoming_between
-from lavsim.scenarios.parameters import Interval, Location
+from lavsim.scenarios.parameters import Location
 from lavsim.scenarios.place import Site
 from lavsim.types import RoadOption
 from lavsim.world.snapshot import HAZARD_OWNS_TIMER
@@ -40,23 +39,19 @@ _FRONT = 10.0  # [m] before the end of the last stream
 
 
 @dataclass(frozen=True)
-class ActorFlowConfig:
-    """The stream.
+class ActorFlowConfig(StreamConfig):
+    """The stream and its way.
 
     Attributes:
         start_actor_flow: Where it begins [m]; None: `_BEFORE` metres before the ego's next junction.
         end_actor_flow: Where it ends [m]; None: `_AFTER` metres behind that junction.
-        flow_speed: [m/s].
-        source_dist_interval: Gaps between one vehicle and the next [m].
     """
 
     start_actor_flow: Location | None = None
     end_actor_flow: Location | None = None
-    flow_speed: float = 10.0
-    source_dist_interval: Interval = Interval(20.0, 50.0)  # noqa: RUF009 - frozen
 
     def __post_init__(self) -> None:
-        check_positive(self, "flow_speed", "source_dist_interval")
+        super().__post_init__()
         if (self.start_actor_flow is None) != (self.end_actor_flow is None):
             raise ConfigError("start_actor_flow and end_actor_flow go together: give both or none.")
 

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
-from lavsim.scenarios.moves.checks import check_positive
-from lavsim.scenarios.moves.flow import BICYCLES, ActorFlow
+from lavsim.scenarios.moves.flow import BICYCLES, ActorFlow, StreamConfig
 from lavsim.scenarios.moves.junctions import LEFT, OPPOSITE, RIGHT, junction_ahead, no_light, no_turn, side_of
 from lavsim.scenarios.moves.meeting import phase_to_meet
-from lavsim.scenarios.parameters import Interval, Location
+from lavsim.scenarios.parameters import Location
 from lavsim.scenarios.place import Site, line_ahead
 from lavsim.types import LaneType, RoadOption
 from lavsim.world.snapshot import HAZARD_OWNS_TIMER
@@ -26,21 +25,14 @@ _RIDDEN = LaneType.BIKING | LaneType.DRIVING
 
 
 @dataclass(frozen=True)
-class CrossingBicycleFlowConfig:
-    """The stream.
+class CrossingBicycleFlowConfig(StreamConfig):
+    """The stream and its source.
 
     Attributes:
         start_actor_flow: Where it begins [m]; None: 40 m before the ego's next junction.
-        flow_speed: [m/s].
-        source_dist_interval: Gaps between one bicycle and the next [m].
     """
 
     start_actor_flow: Location | None = None
-    flow_speed: float = 10.0
-    source_dist_interval: Interval = Interval(20.0, 50.0)  # noqa: RUF009 - frozen
-
-    def __post_init__(self) -> None:
-        check_positive(self, "flow_speed", "source_dist_interval")
 
 
 @SCENARIOS.register(("2.x", "CrossingBicycleFlow"))

@@ -7,9 +7,8 @@ from typing import ClassVar
 
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
-from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.enter import clear_line
-from lavsim.scenarios.moves.flow import ActorFlow
+from lavsim.scenarios.moves.flow import ActorFlow, StreamConfig
 from lavsim.scenarios.moves.junctions import (
     LEFT,
     OPPOSITE,
@@ -28,22 +27,15 @@ from lavsim.world.snapshot import HAZARD_OWNS_TIMER
 
 _RED = 5.0  # [s] that the ego's light stays red at first
 _END = 10.0  # [m] behind the junction
+_GAP = Interval(25.0, 50.0)  # [m]
 
 
 @dataclass(frozen=True)
-class JunctionFlowConfig:
-    """The stream.
-
-    Attributes:
-        flow_speed: [m/s].
-        source_dist_interval: Gaps between one vehicle and the next [m].
-    """
+class JunctionFlowConfig(StreamConfig):
+    """A faster stream than elsewhere."""
 
     flow_speed: float = 20.0
-    source_dist_interval: Interval = Interval(25.0, 50.0)  # noqa: RUF009 - frozen
-
-    def __post_init__(self) -> None:
-        check_positive(self, "flow_speed", "source_dist_interval")
+    source_dist_interval: Interval = _GAP
 
 
 class JunctionFlow(Scenario):

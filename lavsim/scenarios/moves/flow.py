@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from lavsim.errors import ScenarioError
 from lavsim.geometry import wrap_angle
 from lavsim.scenarios.base import Scenario, Script, Stage
+from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.follow import ACCELERATION, DECELERATION, step_column
 from lavsim.scenarios.moves.pursuit import line_of, make_column
 from lavsim.scenarios.parameters import Interval
@@ -25,6 +27,22 @@ GAP = Interval(20.0, 50.0)  # [m]
 _MOST = 48  # vehicles at once
 _STANDING = 0.5  # [m/s] of an ego that is waited for
 _ROOM = 7.0  # [m] between middles below which nobody appears, whatever the gap
+
+
+@dataclass(frozen=True)
+class StreamConfig:
+    """Parameters of a stream that a route file sets.
+
+    Attributes:
+        flow_speed: [m/s].
+        source_dist_interval: Gaps between one vehicle and the next [m].
+    """
+
+    flow_speed: float = 10.0
+    source_dist_interval: Interval = GAP
+
+    def __post_init__(self) -> None:
+        check_positive(self, "flow_speed", "source_dist_interval")
 
 
 class ActorFlow:
