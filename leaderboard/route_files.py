@@ -2,9 +2,9 @@
 
 - `quick`: two routes through eu_small_a, for a first look.
 - `devtest`: eight routes of the training towns, for work on an agent.
-- `training`: twelve routes through each training town.
+- `training`: twelve routes through each training town, with the types of hazards of LAV's training.
 - `validation`: the protocol of LAV's ablations: two routes through each of the two test towns in four weathers, at
-  most one stop sign on a route.
+  most one stop sign on a route, with the types of hazards of LAV's evaluation.
 
 The first routes are told as lists of streets, the others are made by `route_maker` from the seeds below. The files
 follow from this script and the towns alone.
@@ -23,7 +23,9 @@ import numpy as np
 from lavsim.errors import RouteError
 from lavsim.map.planner import get_planner
 from lavsim.map.town_map import TownMap, Waypoint, load_town
+from lavsim.random import Draws
 from lavsim.world.weather import Weather, WeatherKeyframe
+from leaderboard.hazard_maker import put_hazards
 from leaderboard.route_maker import WEATHERS, RouteWish, entry_of, hazard_places, hazard_spec, make_routes
 from leaderboard.route_writer import write_routes
 from leaderboard.routes import RouteEntry
@@ -33,6 +35,12 @@ TEST_TOWNS = {
     "eu_small_b": (800.0, 1050.0),
     "us_large_c": (1200.0, 1600.0),
 }  # lengths [m] after LAV's validation routes
+
+# Types of CARLA leaderboard 1.0. Source: LAV's evaluation took the stable scenario file (1, 3, 4), its training the
+# larger one.
+LAV_EVALUATION = ("Scenario1", "Scenario3", "Scenario4")
+LAV_TRAINING = (*LAV_EVALUATION, "Scenario7", "Scenario8", "Scenario9", "Scenario10")
+HAZARD_SPACING = 200.0  # [m]
 
 
 @dataclass(frozen=True)
@@ -121,7 +129,8 @@ def devtest() -> list[RouteEntry]:
 def training() -> list[RouteEntry]:
     entries: list[RouteEntry] = []
     for name in TRAINING_TOWNS:
-        entries += make_routes(load_town(name), RouteWish(12, seed=1), len(entries))
+        made = make_routes(load_town(name), RouteWish(12, seed=1), len(entries))
+        entries += _with_hazards(made, LAV_TRAINING, seed=1)
     return entries
 
 
@@ -129,12 +138,20 @@ def validation() -> list[RouteEntry]:
     """Four routes in four weathers: ids 0 to 3 are the first route, 4 to 7 the second …"""
     routes: list[RouteEntry] = []
     for name, (shortest, longest) in TEST_TOWNS.items():
-        routes += make_routes(load_town(name), RouteWish(2, shortest, longest, seed=2, most_stops=1))
+        made = make_routes(load_town(name), RouteWish(2, shortest, longest, seed=2, most_stops=1))
+        routes += _with_hazards(made, LAV_EVALUATION, seed=2)
     return [
         replace(entry, id=str(len(LAV_WEATHERS) * k + w), weather=(WeatherKeyframe(0.0, weather),))
         for k, entry in enumerate(routes)
         for w, weather in enumerate(LAV_WEATHERS.values())
     ]
+
+
+def _with_hazards(entries: Sequence[RouteEntry], types: Sequence[str], seed: int) -> list[RouteEntry]:
+    """The routes with hazards of these types of 1.0 in place of their own."""
+    kinds = [("1.0", name) for name in types]
+    draws = Draws.of_seed(seed).stream("hazards of routes")
+    return [put_hazards(load_town(e.town), e, kinds, HAZARD_SPACING, draws.stream(e.town, int(e.id))) for e in entries]
 
 
 FILES: Mapping[str, Callable[[], list[RouteEntry]]] = {

@@ -18,7 +18,15 @@ from lavsim.scenarios.place import Site
 from lavsim.towns.facts import bundled_facts
 from lavsim.types import RoadOption
 from leaderboard.route_check import check_routes
-from leaderboard.route_files import FILES, LAV_WEATHERS, TEST_TOWNS, TRAINING_TOWNS, draw_file
+from leaderboard.route_files import (
+    FILES,
+    LAV_EVALUATION,
+    LAV_TRAINING,
+    LAV_WEATHERS,
+    TEST_TOWNS,
+    TRAINING_TOWNS,
+    draw_file,
+)
 from leaderboard.route_maker import stop_signs_on
 from leaderboard.routes import RouteEntry, read_routes, route_files
 
@@ -64,6 +72,25 @@ def test_the_first_routes_never_change() -> None:
     entries = [*read_routes("quick"), *read_routes("devtest")[:4]]
     text = json.dumps([entry.to_json() for entry in entries], sort_keys=True)
     assert hashlib.sha256(text.encode()).hexdigest()[:16] == "cae2c9c2923e93f1"
+
+
+def test_training_and_validation_are_frozen() -> None:
+    """Agents are trained and compared on them: whoever moves a byte ends the comparison with all scores before."""
+    files = {name: resources.files("routes") / f"{name}.xml" for name in ("training", "validation")}
+    digests = {name: hashlib.sha256(file.read_bytes()).hexdigest()[:16] for name, file in files.items()}
+    assert digests == {"training": "e3e5cea644b45e41", "validation": "73b0a232b4453bd8"}
+    facts = {name: (load_town(name).digest[:16], bundled_facts()[name]) for name in TEST_TOWNS}
+    assert {name: (digest, f.vehicles, f.walkers, f.parked) for name, (digest, f) in facts.items()} == {
+        "eu_small_b": ("993cf02cfd7dbeac", 140, 60, 0.5),
+        "us_large_c": ("f8af377ada22cf80", 220, 140, 0.5),
+    }
+
+
+@pytest.mark.parametrize(("name", "types"), [("training", LAV_TRAINING), ("validation", LAV_EVALUATION)])
+def test_training_and_validation_have_lav_s_hazards(name: str, types: tuple[str, ...]) -> None:
+    specs = [spec for entry in read_routes(name) for spec in entry.scenarios]
+    assert {(spec.generation, spec.type) for spec in specs} == {("1.0", kind) for kind in types}
+    assert all(len(entry.scenarios) >= 3 for entry in read_routes(name))
 
 
 def test_the_sizes_of_the_files_and_the_towns_they_go_through() -> None:
