@@ -6,6 +6,7 @@ turns one into the other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,23 +69,31 @@ def read_motions(data: Dataset, config: LavConfig, most: int = 12, stride: int =
     Raises:
         ConfigError: the dataset has no such labels, or no window that is long enough.
     """
-    recorded = bev_config(data)
     windows = Windows(list(data.episodes.values()), config.motion.waypoints, stride)
     if not len(windows):
         raise ConfigError(f"{data.root.name} holds no {config.motion.waypoints + 1} frames in a row.")
+    return motions_at(data, [windows[k] for k in range(len(windows))], config, most)
+
+
+def motions_at(data: Dataset, places: Sequence[tuple[int, int]], config: LavConfig, most: int = 12) -> MotionSamples:
+    """The windows that begin at places (episode, frame).
+
+    Raises:
+        ConfigError: the dataset has no picture from above that fits the grid.
+    """
+    recorded, count = bev_config(data), len(places)
     filters = SampleFilter(vehicle_radius=config.motion.radius, walker_radius=0.0, most=most, ahead_only=True)
     found = MotionSamples(
-        bev=np.zeros((len(windows), LAYERS, config.grid.rows, config.grid.cols // 8), np.uint8),
-        poses=np.zeros((len(windows), most, 3), np.float32),
-        futures=np.zeros((len(windows), most, config.motion.waypoints, 2), np.float32),
-        is_real=np.zeros((len(windows), most), bool),
-        command=np.zeros(len(windows), np.int64),
-        goal=np.zeros((len(windows), 2), np.float32),
-        brake=np.zeros(len(windows), bool),
-        speed=np.zeros(len(windows), np.float32),
+        bev=np.zeros((count, LAYERS, config.grid.rows, config.grid.cols // 8), np.uint8),
+        poses=np.zeros((count, most, 3), np.float32),
+        futures=np.zeros((count, most, config.motion.waypoints, 2), np.float32),
+        is_real=np.zeros((count, most), bool),
+        command=np.zeros(count, np.int64),
+        goal=np.zeros((count, 2), np.float32),
+        brake=np.zeros(count, bool),
+        speed=np.zeros(count, np.float32),
     )
-    for k in range(len(windows)):
-        episode, frame = windows[k]
+    for k, (episode, frame) in enumerate(places):
         layers = data.read(episode, frame, ("bev",))["bev"]
         found.bev[k] = np.packbits(grid_layers(layers, recorded, config.grid), axis=-1)
         arrays = motion_arrays(data.table(episode), frame, config.motion.waypoints, filters)
