@@ -110,6 +110,11 @@ class MotionConfig(Config):
     waypoints: int = Field(default=10, gt=0, description="T, a quarter of a second apart.")
     refinements: int = Field(default=5, ge=0, description="K.")
     radius: float = Field(default=15.0, gt=0.0, description="Vehicles farther from the ego are not learnt from [m].")
+    pooling: Literal["mean", "grid"] = Field(
+        default="mean", description="How a window becomes a vector: the mean of its last cells, or a layer over them."
+    )
+    speeds: bool = Field(default=False, description="Whether a vehicle's own speed is an input beside its window.")
+    goals: int = Field(default=1, ge=1, le=2, description="Goal points that refine a plan: the next, or the next two.")
 
 
 class TemporalConfig(Config):
@@ -214,7 +219,7 @@ PRESETS: Mapping[str, LavConfig] = {
         brake=_TINY_RESNET,
         pillars=PillarConfig(points=12_000),
         backbone=_FAR_SIGHTED,
-        motion=MotionConfig(embedding=_TINY_RESNET, refine_hidden=None),
+        motion=MotionConfig(embedding=_TINY_RESNET, refine_hidden=None, pooling="grid", speeds=True, goals=2),
     ),
     "micro": LavConfig(
         name="micro",

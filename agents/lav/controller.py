@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 
 _STANDS = 0.1  # [m/s]
 _CREEP_THROTTLE = 0.4
+_CREPT = 2.0  # [m] that a burst of it drives
 _BEHIND = 2.0  # [m] others whose first forecast lies that far behind can't be run into
 _STEP = 0.15  # [m] between waypoints below which a path has no direction
 STOP = Control(brake=1.0)
@@ -67,18 +68,18 @@ class Controller:
 
 
 class StuckCounter:
-    """Lets the ego creep when it has stood for long."""
+    """Lets the ego creep when it has stood for long and nobody stands right before it."""
 
     def __init__(self, config: DriveConfig) -> None:
         self._patience, self._length = round(config.stuck / DT), round(config.creep / DT)
         self._stood = self._left = 0
 
-    def step(self, control: Control, speed: float) -> Control:
-        """The control, or a creeping one."""
+    def step(self, control: Control, speed: float, is_free: bool = True) -> Control:
+        """The control, or a creeping one where the way is free."""
         self._stood = self._stood + 1 if speed < _STANDS else 0
         if self._stood >= self._patience:
             self._left = self._length
-        if self._left <= 0:
+        if self._left <= 0 or not is_free:
             return control
         self._left -= 1
         return Control(throttle=max(control.throttle, _CREEP_THROTTLE), steer=control.steer)
@@ -88,6 +89,14 @@ def planned_speed(plan: Floats) -> float:
     """Mean speed [m/s] over a plan (T, 2)."""
     steps = np.diff(plan, axis=0)
     return float(np.hypot(steps[:, 0], steps[:, 1]).mean()) / TIME_STEP
+
+
+def creeping(plan: Floats) -> Floats:
+    """(T, 2) a plan's way at the pace of creeping: how far it gets before it can stop again."""
+    length = float(np.hypot(*plan[-1]))
+    ahead = plan[-1] / length if length > _STEP else np.array([0.0, -1.0])
+    share = np.linspace(0.0, 1.0, len(plan) + 1)[1:, None]
+    return np.asarray(_CREPT * share * ahead, np.float64)
 
 
 def collides(plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, config: DriveConfig) -> bool:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from agents.behavior.path import PathTracker, path_of_plan
 from agents.behavior.road import StopPoint, stop_points
 from agents.lav.config import COMMANDS, TIME_STEP, LavConfig
-from agents.lav.controller import STOP, Controller, StuckCounter, collides, planned_speed
+from agents.lav.controller import STOP, Controller, StuckCounter, collides, creeping, planned_speed
 from agents.lav.data.arrays import grid_layers
 from agents.lav.frames import command_of, planner_from_vehicle, planner_from_world, vehicle_from_planner
 from agents.lav.models.crop import to_planner
@@ -93,32 +93,40 @@ class PrivilegedLavAgent(PrivilegedAgent):
         speed = max(float(input_data["speed"][1]["speed"]), 0.0)
         command = command_of(int(guidance.command))
         rows, poses = _vehicles(truth, self.config)
-        plan, others, likelihood = self._motions(input_data["bev"][1], poses, guidance.goal, command)
-        # One image holds no speed: the network lets every parked car pull out.
-        stands = np.linalg.norm(truth["velocities"][rows[1:]], axis=1) < _STANDS
+        speeds = np.linalg.norm(truth["velocities"][rows, :2], axis=1)
+        speeds[0] = speed
+        goals = np.stack([guidance.goal, guidance.next_goal]).astype(np.float64)
+        plan, others, likelihood = self._motions(input_data["bev"][1], poses, speeds, goals, command)
+        # Whoever stands may pull out, but held for it the ego would not pass a parked car.
+        stands = speeds[1:] < _STANDS
         others[stands] = poses[1:, None, None, :2][stands]
         control = self._controller.follow(plan, speed, command)
         halted = Control(steer=control.steer, brake=STOP.brake)
         if self._lines.must_stop(truth, speed):
             return halted  # who waits for a light is not stuck
         boxes = np.column_stack([poses[:, 2], truth["sizes"][rows, :2] / 2.0]).astype(np.float64)
+        walkers = _walkers(truth, len(plan), boxes[0])
         is_hit = collides(plan, others, likelihood, boxes, self.config.drive)
-        is_hit |= collides(plan, *_walkers(truth, len(plan), boxes[0]), self.config.drive)
-        return self._stuck.step(halted if is_hit else control, speed)
+        is_hit |= collides(plan, *walkers, self.config.drive)
+        inch = creeping(plan)
+        is_free = not collides(inch, others, likelihood, boxes, self.config.drive)
+        is_free &= not collides(inch, *walkers, self.config.drive)
+        return self._stuck.step(halted if is_hit else control, speed, is_free)
 
     def drawings(self) -> dict[str, Drawing]:
         """Its plan and the likely forecasts."""
         return self._shown
 
     def _motions(
-        self, layers: NDArray[np.uint8], places: NDArray[np.float32], goal: NDArray[np.float32], command: int
+        self, layers: NDArray[np.uint8], places: NDArray[np.float32], speeds: Floats, targets: Floats, command: int
     ) -> tuple[Floats, Floats, Floats]:
         """The plan (T, 2), forecasts (N, 6, T, 2) of others and their likelihoods (N, 6), in the planner's frame."""
         image = torch.from_numpy(grid_layers(layers, self._drawn, self.config.grid)).float()
         poses = torch.from_numpy(places)
-        goals = torch.from_numpy(planner_from_vehicle(goal).astype(np.float32))
+        goals = torch.from_numpy(planner_from_vehicle(targets).astype(np.float32))
+        known = torch.from_numpy(speeds.astype(np.float32))
         with torch.inference_mode():
-            motions = self.network(image[None], poses[None], goals[None])
+            motions = self.network(image[None], poses[None], goals[None], known[None])
             own = motions.refined[0, -1] if motions.refined.shape[1] else motions.coarse[0, 0]
             if command >= 4 and not self.config.drive.refined_lane_change:
                 own = motions.coarse[0, 0]

@@ -6,6 +6,7 @@ Paths are in the vehicle's own frame (x right, y backward [m]), `TIME_STEP` apar
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -13,22 +14,58 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from agents.lav.config import COMMANDS, MotionConfig
-from agents.lav.models.resnet import ResNet
+from agents.lav.models.resnet import STRIDE, ResNet
 
 GOAL_SCALE = 24.0  # [m] of the paper's goal encoding g / 24 - 1
+SPEED_SCALE = 10.0  # [m/s]
 
 
 class Embedding(nn.Module):
-    """A window (N, C, S, S) as a vector (N, D)."""
+    """A window and, where the configuration says so, its vehicle's speed as a vector (N, D).
 
-    def __init__(self, config: MotionConfig, channels: int) -> None:
+    Args:
+        config: Sizes.
+        channels: Of a window.
+        size: Cells of its side.
+    """
+
+    def __init__(self, config: MotionConfig, channels: int, size: int) -> None:
         super().__init__()
+        features = config.embedding.features
         self.network = ResNet(config.embedding, channels)
+        # A mean over the window forgets where things are; a layer over its last cells keeps it.
+        cells = math.ceil(size / STRIDE) ** 2
+        self.pool = nn.Linear(features * cells, features) if config.pooling == "grid" else None
+        self.speed = SpeedInput(features) if config.speeds else None
 
-    def forward(self, windows: Tensor) -> Tensor:
+    def forward(self, windows: Tensor, speeds: Tensor | None = None) -> Tensor:
+        """Vectors of windows (N, C, S, S) and speeds (N,) [m/s]; NaN or None where nobody knows them."""
         # Convolutions on CPUs are half again as fast with the channels last in memory.
-        vectors: Tensor = self.network(windows.contiguous(memory_format=torch.channels_last)).mean(dim=(2, 3))
-        return vectors
+        cells: Tensor = self.network(windows.contiguous(memory_format=torch.channels_last))
+        vectors: Tensor = cells.mean(dim=(2, 3)) if self.pool is None else self.pool(cells.flatten(1))
+        if self.speed is None:
+            return vectors
+        if speeds is None:
+            speeds = vectors.new_full((len(vectors),), torch.nan)
+        known: Tensor = self.speed(vectors, speeds)
+        return known
+
+
+class SpeedInput(nn.Module):
+    """Adds what a speed says to a vector (N, D)."""
+
+    def __init__(self, features: int) -> None:
+        super().__init__()
+        self.first = nn.Linear(features + 2, features)
+        self.second = nn.Linear(features, features)
+
+    def forward(self, vectors: Tensor, speeds: Tensor) -> Tensor:
+        """Vectors that know speeds (N,) [m/s], NaN where they are unknown."""
+        known = torch.isfinite(speeds)
+        value = torch.where(known, speeds, torch.zeros_like(speeds)) / SPEED_SCALE
+        inputs = torch.cat([vectors, value[:, None], known[:, None].to(vectors.dtype)], dim=1)
+        added: Tensor = self.second(torch.relu(self.first(inputs)))
+        return vectors + added
 
 
 class CommandGrus(nn.Module):
@@ -66,13 +103,13 @@ class CommandGrus(nn.Module):
 
 
 class Refiner(nn.Module):
-    """Moves a plan towards the goal, again and again; its recurrence begins with the embedding."""
+    """Moves a plan towards the goals, again and again; its recurrence begins with the embedding."""
 
-    def __init__(self, features: int, hidden: int | None) -> None:
+    def __init__(self, features: int, hidden: int | None, goals: int = 1) -> None:
         super().__init__()
         width = hidden or features
         self.begin: nn.Module = nn.Identity() if width == features else nn.Linear(features, width)
-        self.gru = nn.GRU(4, width, batch_first=True)
+        self.gru = nn.GRU(2 * goals + 2, width, batch_first=True)
         self.out = nn.Linear(width, 2)
 
     def forward(self, vectors: Tensor, goals: Tensor, plans: Tensor, iterations: int) -> Tensor:
@@ -80,7 +117,7 @@ class Refiner(nn.Module):
 
         Args:
             vectors: (N, D) embeddings.
-            goals: (N, 2) target points [m].
+            goals: (N, G, 2) target points [m].
             plans: (N, 6, T, 2) to begin with; no gradient flows into them.
             iterations: K.
 
@@ -89,10 +126,10 @@ class Refiner(nn.Module):
         """
         count, branches, steps = plans.shape[:3]
         start = self.begin(vectors).repeat_interleave(branches, dim=0)[None].contiguous()
-        goal = (goals / GOAL_SCALE - 1.0)[:, None, None].expand(-1, branches, steps, -1)
+        goal = (goals / GOAL_SCALE - 1.0).flatten(1)[:, None, None].expand(-1, branches, steps, -1)
         plan, found = plans.detach(), []
         for _ in range(iterations):
-            inputs = torch.cat([goal, plan], dim=-1).reshape(count * branches, steps, 4)
+            inputs = torch.cat([goal, plan], dim=-1).flatten(0, 1)
             states, _ = self.gru(inputs, start)
             plan = plan + torch.cumsum(self.out(states), dim=1).reshape(plan.shape)
             found.append(plan)
@@ -119,19 +156,26 @@ class MotionHead(nn.Module):
         features = config.embedding.features
         self.refinements = config.refinements
         self.coarse = CommandGrus(features, config.coarse_hidden, config.waypoints)
-        self.refiner = Refiner(features, config.refine_hidden) if config.refinements else None
+        self.refiner = Refiner(features, config.refine_hidden, config.goals) if config.refinements else None
         self.commands = nn.Linear(features, COMMANDS)
 
     def forward(self, vectors: Tensor) -> MotionPlan:
         """Coarse plans and command logits of vectors (N, D)."""
-        return MotionPlan(self.coarse(vectors), self.commands(vectors))
+        with exact(vectors):  # sums over time would lose centimetres in half precision
+            return MotionPlan(self.coarse(vectors.float()), self.commands(vectors.float()))
 
     def refine(self, vectors: Tensor, goals: Tensor, coarse: Tensor) -> Tensor:
-        """Plans (N, K, 6, T, 2) [m] after each of the K refinements; with K = 0 there are none."""
+        """Plans (N, K, 6, T, 2) [m] after each of the K refinements towards goals (N, G, 2); with K = 0 none."""
         if self.refiner is None:
             return coarse[:, None][:, :0]
-        refined: Tensor = self.refiner(vectors, goals, coarse, self.refinements)
+        with exact(vectors):
+            refined: Tensor = self.refiner(vectors.float(), goals, coarse, self.refinements)
         return refined
+
+
+def exact(values: Tensor) -> torch.autocast:
+    """A context in which nothing on the device of `values` is computed in half precision."""
+    return torch.autocast(values.device.type, enabled=False)
 
 
 def chosen(paths: Tensor, commands: Tensor) -> Tensor:

@@ -6,6 +6,8 @@ from torch import Tensor, nn
 
 from agents.lav.config import ResNetConfig
 
+STRIDE = 32  # of the last features; sides that are no multiple are rounded up
+
 
 class ResNet(nn.Module):
     """A ResNet-18, or -10 with one block a stage, of any width.

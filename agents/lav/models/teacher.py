@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import torch
 from torch import Tensor, nn
 
 from agents.lav.config import LavConfig
@@ -41,25 +42,41 @@ class MotionNetwork(nn.Module):
     def __init__(self, config: LavConfig, channels: int, cell: float) -> None:
         super().__init__()
         self._grid, self._crop, self._cell = config.grid, config.crop, cell
-        self.embedding = Embedding(config.motion, channels)
+        self._goals = config.motion.goals
+        self.embedding = Embedding(config.motion, channels, round(config.crop.side / cell))
         self.motion = MotionHead(config.motion)
 
-    def forward(self, image: Tensor, poses: Tensor, goals: Tensor) -> Motions:
+    def forward(
+        self,
+        image: Tensor,
+        poses: Tensor,
+        goals: Tensor,
+        speeds: Tensor | None = None,
+        is_real: Tensor | None = None,
+    ) -> Motions:
         """Motions of the vehicles at `poses`.
 
         Args:
             image: (B, C, H, W) over the grid.
             poses: (B, R, 3) in the planner frame, the ego first.
-            goals: (B, 2) the ego's target point in its own frame [m].
+            goals: (B, G, 2) the ego's next target points in its own frame [m]; `motion.goals` are used.
+            speeds: (B, R) [m/s], NaN where a speed is not known; None: no one's is.
+            is_real: (B, R) false for padding, whose motions are zeros; None: there is none.
         """
-        frames, rois = poses.shape[:2]
         windows = crop_rois(image, poses, self._grid, self._crop, self._cell)
-        vectors = self.embedding(windows.flatten(0, 1))
+        real = torch.ones(poses.shape[:2], dtype=torch.bool, device=poses.device) if is_real is None else is_real
+        vectors = self.embedding(windows[real], speeds[real] if speeds is not None else None)
         plan = self.motion(vectors)
-        vectors = vectors.unflatten(0, (frames, rois))
-        coarse = plan.coarse.unflatten(0, (frames, rois))
-        refined = self.motion.refine(vectors[:, 0], goals, coarse[:, 0])
-        return Motions(vectors, coarse, plan.commands.unflatten(0, (frames, rois)), refined)
+        vectors, coarse, commands = (_placed(values, real) for values in (vectors, plan.coarse, plan.commands))
+        refined = self.motion.refine(vectors[:, 0], goals[:, : self._goals], coarse[:, 0])
+        return Motions(vectors, coarse, commands, refined)
+
+
+def _placed(values: Tensor, real: Tensor) -> Tensor:
+    """(B, R, …) of values (N, …) of the N real vehicles, zeros elsewhere."""
+    placed = values.new_zeros(*real.shape, *values.shape[1:])
+    placed[real] = values
+    return placed
 
 
 def make_teacher(config: LavConfig) -> MotionNetwork:

@@ -16,6 +16,7 @@ from agents.lav.config import COMMANDS, CropConfig, GridConfig, MotionConfig, Re
 from agents.lav.models.crop import crop_rois, planner_points, to_own, to_planner, window
 from agents.lav.models.motion import (
     CommandGrus,
+    Embedding,
     MotionHead,
     Refiner,
     chosen,
@@ -104,21 +105,21 @@ def test_six_recurrences_in_one_equal_six_of_torch() -> None:
 def test_refinement_adds_to_the_plan_and_keeps_its_gradient_from_the_coarse_one() -> None:
     refiner = Refiner(6, 4)
     coarse = torch.randn(2, COMMANDS, 3, 2, requires_grad=True)
-    plans = refiner(torch.randn(2, 6), torch.randn(2, 2), coarse, 3)
+    plans = refiner(torch.randn(2, 6), torch.randn(2, 1, 2), coarse, 3)
     assert plans.shape == (2, 3, COMMANDS, 3, 2)
     plans[:, -1].sum().backward()
     assert coarse.grad is None
     assert refiner.gru.weight_ih_l0.grad is not None
     nn.init.zeros_(refiner.out.weight)
     nn.init.zeros_(refiner.out.bias)
-    still = refiner(torch.randn(2, 6), torch.randn(2, 2), coarse, 2)
+    still = refiner(torch.randn(2, 6), torch.randn(2, 1, 2), coarse, 2)
     assert torch.equal(still[:, 1], coarse.detach())
 
 
 def test_without_refinements_there_are_no_plans() -> None:
     head = MotionHead(MotionConfig(embedding=ResNetConfig(depth=10, width=4), refinements=0))
     vectors = torch.randn(2, 32)
-    assert head.refine(vectors, torch.zeros(2, 2), head(vectors).coarse).shape == (2, 0, COMMANDS, 10, 2)
+    assert head.refine(vectors, torch.zeros(2, 1, 2), head(vectors).coarse).shape == (2, 0, COMMANDS, 10, 2)
 
 
 def test_losses_of_a_case_worked_by_hand() -> None:
@@ -152,9 +153,38 @@ def test_a_teacher_gives_every_vehicle_its_motion(preset: str) -> None:
     config = find_preset(preset)
     teacher = make_teacher(config)
     image = torch.rand(2, 5, config.grid.rows, config.grid.cols)
-    motions = teacher(image, torch.zeros(2, 3, 3), torch.zeros(2, 2))
+    motions = teacher(image, torch.zeros(2, 3, 3), torch.zeros(2, 2, 2))
     steps, rounds = config.motion.waypoints, config.motion.refinements
     assert motions.coarse.shape == (2, 3, COMMANDS, steps, 2)
     assert motions.commands.shape == (2, 3, COMMANDS)
     assert motions.refined.shape == (2, rounds, COMMANDS, steps, 2)
     assert torch.isfinite(motions.refined).all()
+
+
+def test_a_speed_that_nobody_knows_is_no_speed() -> None:
+    config = MotionConfig(embedding=ResNetConfig(depth=10, width=4), speeds=True)
+    embedding = Embedding(config, 5, 30).eval()
+    windows = torch.rand(3, 5, 30, 30)
+    unknown = embedding(windows, torch.full((3,), torch.nan))
+    assert torch.equal(unknown, embedding(windows))
+    assert not torch.allclose(unknown, embedding(windows, torch.zeros(3)))
+    assert not torch.allclose(embedding(windows, torch.full((3,), 8.0)), embedding(windows, torch.zeros(3)))
+    blind = Embedding(config.model_copy(update={"speeds": False}), 5, 30).eval()
+    assert torch.equal(blind(windows, torch.zeros(3)), blind(windows, torch.full((3,), 8.0)))
+
+
+def test_a_grid_pooled_vector_knows_where_things_are() -> None:
+    config = MotionConfig(embedding=ResNetConfig(depth=10, width=4), pooling="grid")
+    for size in (30, 64, 80):  # sides that are no multiple of the stride too
+        assert Embedding(config, 5, size)(torch.rand(2, 5, size, size)).shape == (2, 32)
+
+
+def test_the_second_goal_counts_where_there_are_two() -> None:
+    vectors, coarse = torch.randn(2, 6), torch.randn(2, COMMANDS, 3, 2)
+    goals = torch.randn(2, 2, 2)
+    moved = goals + torch.tensor([[0.0, 0.0], [5.0, 5.0]])
+    both = Refiner(6, 4, goals=2)
+    assert not torch.allclose(both(vectors, goals, coarse, 2), both(vectors, moved, coarse, 2))
+    teacher = make_teacher(find_preset("micro")).eval()
+    image, poses = torch.rand(2, 5, 32, 32), torch.zeros(2, 1, 3)
+    assert torch.equal(teacher(image, poses, goals).refined, teacher(image, poses, moved).refined)

@@ -11,15 +11,17 @@ torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsi
 
 from torch import nn
 
+from agents.lav.batches import OTHERS, Batch, draw_batch, plain_batch, worth_learning
 from agents.lav.config import LavConfig, find_preset
 from agents.lav.data.arrays import grid_layers
 from agents.lav.feed import Order
 from agents.lav.labels import MotionSamples
 from agents.lav.models.crop import to_planner
-from agents.lav.models.teacher import make_teacher
+from agents.lav.models.teacher import Motions, make_teacher
+from agents.lav.motion_measures import lateral, measures_of
 from agents.lav.records import CURVE, MEASURES
 from agents.lav.stages.base import Stage, StageInput, StepContext, TrainConfig
-from agents.lav.stages.bev import OTHERS, Batch, draw_batch, measures_of, plain_batch, teacher_loss
+from agents.lav.stages.bev import teacher_loss
 from agents.lav.training import rate_at, train_stage
 from agents.lav.weights import Weights, read_weights, write_weights
 from lavsim.errors import ConfigError
@@ -134,10 +136,25 @@ def made_samples(count: int = 16) -> MotionSamples:
     futures[..., 1] = -0.25 * speed[:, None, None] * np.arange(1, steps + 1)
     real = np.ones((count, 3), bool)
     real[::2, 2] = False
-    goal = np.stack([np.zeros(count), np.full(count, -30.0)], axis=1).astype(np.float32)
+    goals = np.zeros((count, 2, 2), np.float32)
+    goals[..., 1] = -30.0, -80.0
     return MotionSamples(
-        np.packbits(bev, axis=-1), poses, futures, real, np.full(count, 3), goal, np.zeros(count, bool), speed
+        bev=np.packbits(bev, axis=-1),
+        poses=poses,
+        futures=futures,
+        is_real=real,
+        speeds=np.repeat(speed[:, None], 3, axis=1),
+        command=np.full(count, 3),
+        goals=goals,
+        brake=np.zeros(count, bool),
+        pushed=np.zeros(count, bool),
+        centre=futures[:, 0].copy(),
     )
+
+
+def motions_of(network: nn.Module, batch: Batch) -> Motions:
+    found: Motions = network(batch.images, batch.poses, batch.goals, batch.speeds, batch.is_real)
+    return found
 
 
 def test_jittered_windows_see_the_same_world() -> None:
@@ -151,8 +168,8 @@ def test_jittered_windows_see_the_same_world() -> None:
     for batch in (still, moved):
         ego = to_planner(batch.futures[:, 0], batch.poses[:, 0])
         assert torch.allclose(ego, torch.from_numpy(samples.futures[index, 0]), atol=1e-4)
-        goals = to_planner(batch.goals[:, None], batch.poses[:, 0])[:, 0]
-        assert torch.allclose(goals, torch.from_numpy(samples.goal[index]), atol=1e-4)
+        goals = to_planner(batch.goals, batch.poses[:, 0])
+        assert torch.allclose(goals, torch.from_numpy(samples.goals[index]), atol=1e-4)
     again = draw_batch(samples, index, Draws(7))
     assert torch.equal(again.poses, moved.poses)
 
@@ -161,9 +178,9 @@ def test_braking_frames_teach_no_plan_and_missing_vehicles_nothing() -> None:
     samples = made_samples(4)
     network = make_teacher(MICRO).eval()
     batch = plain_batch(samples, np.arange(4))
-    motions = network(batch.images, batch.poses, batch.goals)
+    motions = motions_of(network, batch)
     _, parts = teacher_loss(motions, batch, 1.0)
-    batch.brakes[:] = True
+    batch.plans[:] = False
     total, braking = teacher_loss(motions, batch, 1.0)
     assert parts["ego"] > 0.0
     assert braking["ego"] == 0.0
@@ -184,13 +201,47 @@ def test_the_teacher_learns_a_handful_of_samples() -> None:
     network.train()
     for step in range(150):
         batch = draw_batch(samples, np.arange(16), Draws(step))
-        loss, _ = teacher_loss(network(batch.images, batch.poses, batch.goals), batch, step / 150)
+        loss, _ = teacher_loss(motions_of(network, batch), batch, step / 150)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
     after = measures_of(network.eval(), samples)
     assert after["plan"] < 0.3 * before["plan"]
-    assert after["constant_velocity"] == pytest.approx(0.0, abs=1e-5)
+    assert after["constant_velocity"] == after["route_centre"] == pytest.approx(0.0, abs=1e-5)
+    assert after["others_constant_velocity"] == pytest.approx(0.0, abs=1e-5)
+    assert (after["frames"], after["others"]) == (16.0, 24.0)
+
+
+def test_a_lateral_error_is_the_part_across_the_true_path() -> None:
+    right = torch.tensor([[[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]])  # drives to its right
+    assert lateral(right + torch.tensor([0.7, -0.2]), right).item() == pytest.approx(0.2)
+    still = torch.zeros(1, 3, 2)
+    assert lateral(still + torch.tensor([0.3, 5.0]), still).item() == pytest.approx(0.3)
+
+
+def test_padding_teaches_nothing_and_changes_nobody() -> None:
+    samples, network = made_samples(4), make_teacher(MICRO)
+    network.train()
+    batch = plain_batch(samples, np.arange(4))
+    first = motions_of(network, batch)
+    batch.poses[~batch.is_real] += 3.0
+    second = motions_of(network, batch)
+    assert torch.equal(first.coarse, second.coarse)
+    assert not first.coarse[~batch.is_real].any()
+
+
+def test_windows_that_stand_are_few_and_bends_come_twice() -> None:
+    samples = made_samples(1000)
+    samples.brake[:500] = True
+    samples.speeds[:400] = 0.0
+    samples.futures[900:, 0, -1, 0] = 4.0
+    chosen = worth_learning(samples, Draws(5))
+    times = np.bincount(chosen, minlength=1000)
+    assert 20 < times[:400].sum() < 60
+    assert 30 < times[400:500].sum() < 70
+    assert (times[500:900] == 1).all()
+    assert (times[900:] == 2).all()
+    assert np.array_equal(chosen, worth_learning(samples, Draws(5)))
 
 
 def test_recorded_labels_land_on_the_grid_where_the_ego_sees_them() -> None:
