@@ -20,7 +20,7 @@ from agents.behavior.memory import Memory
 from agents.behavior.path import STEP, PathTracker, ReferencePath, path_of_plan
 from agents.behavior.road import StopPoint, limits_along, stop_points
 from agents.behavior.sight import Seen
-from agents.behavior.speed import speed_profile, stopping, time_to_cover, towards
+from agents.behavior.speed import speed_profile, stopping, time_along, towards
 from agents.behavior.view import View, drawings_of
 from agents.behavior.way import Way
 from agents.privileged import PrivilegedAgent
@@ -33,7 +33,9 @@ Floats = NDArray[np.float64]
 LINE_GAP = 0.8  # [m] between bumper and stop line
 YELLOW_BRAKING = 3.0  # [m/s²] it stops at yellow if that much suffices
 LAST_BRAKING = 8.0  # [m/s²] or this much, if its rear would not be over the line before red
-YELLOW = 3.0  # [s] CARLA's yellow
+HELD_UP_BRAKING = 4.0  # [m/s²] or this much, once somebody has slowed it down so that it would be late
+FIRM_BRAKING = 5.0  # [m/s²] where that suffices it counts on a short yellow
+YELLOW, SHORT_YELLOW = 3.0, 2.0  # [s] CARLA's yellow, and that of hazards which set the lights
 REAR_OVER = 0.3  # [m] that its rear may still have before a stop line for the line to count as crossed
 CRAWLS = 2.0  # [m/s]
 OVER_LINE = 2.5  # [m] over a stop line at which it still stops for red: the rear decides
@@ -145,7 +147,7 @@ class Expert:
         kerb = met.kerb
         manner = self.manner if patience > 0.5 else self._brisk
         slope = (wanted - path.at(self.way.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
-        bounds = [("free", towards(speed, min(wanted, kerb), min(slope, 0.0), manner), False)]
+        bounds = [("free", towards(speed, min(wanted, kerb, self.detour.eases), min(slope, 0.0), manner), False)]
         if len(met.acceleration):
             worst = int(np.argmin(met.acceleration))
             held_by = f"actor {int(truth['ids'][forecast.row[worst]])}"
@@ -202,7 +204,8 @@ class Expert:
                 since = self._time - self._yellow_since.setdefault(number, self._time)
                 if number not in self._goes and self._crosses_at_yellow(ego, room, since):
                     self._goes.add(number)
-                if ego.speed < CRAWLS and self._time_to_clear(ego, room) > YELLOW - since - 0.3:
+                could_stop = ego.speed < CRAWLS or ego.speed**2 < 2.0 * HELD_UP_BRAKING * (room - LINE_GAP)
+                if could_stop and self._time_to_clear(ego, room) > YELLOW - since - 0.3:
                     self._goes.discard(number)  # somebody held it up: its rear would still be on the line at red
                 if number in self._goes:
                     continue
@@ -233,11 +236,12 @@ class Expert:
         needed = ego.speed**2 / (2.0 * max(room - 0.2, 0.05))
         if needed < YELLOW_BRAKING:
             return False
-        return needed > LAST_BRAKING or self._time_to_clear(ego, room) < YELLOW - since - 0.3
+        lasts = YELLOW if needed > FIRM_BRAKING else SHORT_YELLOW
+        return needed > LAST_BRAKING or self._time_to_clear(ego, room) < lasts - since - 0.3
 
     def _time_to_clear(self, ego: Ego, room: float) -> float:
-        """Seconds until its rear is over a line that its front reaches in `room` metres."""
-        return time_to_cover(room + 2.0 * ego.half_length + 1.0, ego.speed, 1.5, ego.wanted)
+        """Seconds until its rear is over a line that its front reaches in `room` metres; bends on the way slow it."""
+        return time_along(self.way.profile, ego.s, room + 2.0 * ego.half_length + 1.0, ego.speed, 1.5)
 
     def _junction(self, ego: Ego, stops: Floats) -> float:
         """Acceleration that keeps it out of a junction it could not leave [m/s²]."""

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.behavior.aside import emergency, keep_right, kept_right, made_way, make_way
-from agents.behavior.beside import Neighbours, ground, neighbours
+from agents.behavior.beside import AGAINST, Neighbours, ground, neighbours
 from agents.behavior.forecast import FLAT
 from agents.behavior.gaps import is_free
 from agents.behavior.hazards import Ego
+from agents.behavior.look import Look
 from agents.behavior.memory import SPEED, STOOD
-from agents.behavior.path import ReferencePath
+from agents.behavior.path import STEP, ReferencePath
 from agents.behavior.way import BEND, Shift, Way
 from lavsim.map.town_map import TownMap
 from lavsim.types import ActorClass, Role, VehicleLight
@@ -39,8 +40,9 @@ LINE_REACH = 35.0  # [m] before a stop line or a junction vehicles stand for it
 JAM = 60.0  # [s] after which one of the traffic is
 TIGHTEST = 0.2  # [1/m] bend of the sharpest ramp
 RAMP_TIME, RAMP_LEAST, RAMP_MOST = 2.2, 10.0, 32.0  # [s], [m], [m]
+PICKED_UP = 6.0  # [m/s] by which it gets faster on its way past
 JOINED = 18.0  # [m] between obstacles that are passed in one go
-STRAIGHT = 0.03  # [1/m] it passes nothing in sharper bends
+STRAIGHT, BEND_LENGTH = 0.03, 20.0  # [1/m], [m] it passes nothing where the road bends more over that length
 GIVING_UP = 3.5  # [m/s²] braking for it
 STUCK = 0.75  # patience with which it gives up a pass in which it has come to stand
 OUT = 0.35  # of the way aside, up to which it gives up what it began
@@ -72,6 +74,7 @@ class Detour:
         shift: The stretch that is driven beside the path now, or None.
         waits: Place at which it waits for a gap [m along the path, of the front]; inf where it needn't.
         waits_for: Id of the obstacle it waits before.
+        eases: Speed at which it comes near something that it is going to pass against traffic [m/s]; inf otherwise.
         backs: Whether it drives back now, because it stands too near to an obstacle to steer round it.
     """
 
@@ -80,9 +83,11 @@ class Detour:
         self.shift: Shift | None = None
         self.waits = math.inf
         self.waits_for = 0
+        self.eases = math.inf
         self.backs = False
         self._kind = ""
         self._tick = 0
+        self._look = Look()
 
     def update(
         self, ego: Ego, truth: Mapping[str, Any], memory: Floats, touched: int, is_faced: bool, patience: float
@@ -102,7 +107,7 @@ class Detour:
         self._tick += 1
         if self._tick % EVERY or self._town is None:
             return
-        self.waits, self.backs = math.inf, False
+        self.waits, self.eases, self.backs = math.inf, math.inf, False
         sure, long = _obstacles(truth, memory, np.array([touched] if touched >= 0 else [], dtype=np.int64))
         hurries = emergency(truth, memory)
         if self.shift is None and not (np.any(sure | long) or is_faced or hurries >= 0):
@@ -184,22 +189,32 @@ class Detour:
         if first < 0 or near.rear[first] - ego.s > REACH or near.front[first] < ego.s:
             return
         obstacle = _together(near, blocks, first, ego.half_width, truth)
+        self._look.note(obstacle.rear, truth, row)
         options, is_tight = [], False
         for offset in _offsets(obstacle, ego.half_width):
             shift = self._plan(ego, obstacle, offset)
             if shift is None:
-                is_tight = is_tight or self._leads(ego, obstacle.rear, obstacle.front, offset) is not None
+                is_tight = is_tight or self._passes_from_afar(ego, obstacle, offset)
             elif kind := self._ground(ego, shift):
-                options.append((abs(offset), shift, kind))
+                options.append((kind == AGAINST, abs(offset), shift, kind))
         if not options:
             self.backs = is_tight and self._backs(ego, obstacle, near)
             return
-        for _size, shift, kind in sorted(options, key=lambda option: option[0]):
+        for is_against, _size, shift, kind in sorted(options, key=lambda option: option[:2]):
             if self._is_free(ego, shift, kind, near, patience):
-                self._take(ego, shift, kind)
+                over = 0.5 * (shift.begin + shift.full) - ego.s
+                self.eases = self._look.pace(over, ego.speed) if is_against else math.inf
+                if math.isinf(self.eases):
+                    self._take(ego, shift, kind)
                 return
         if obstacle.speed < 0.3:
             self.waits, self.waits_for = obstacle.rear - STANDOFF, int(truth["ids"][row])
+
+    def _passes_from_afar(self, ego: Ego, obstacle: Obstacle, offset: float) -> bool:
+        """Whether there would be a way round if it stood farther off."""
+        afar = ego._replace(s=min(ego.s, obstacle.rear - ego.half_length - STANDOFF), speed=0.0)
+        shift = self._plan(afar, obstacle, offset)
+        return shift is not None and self._ground(afar, shift) is not None
 
     def _backs(self, ego: Ego, obstacle: Obstacle, near: Neighbours) -> bool:
         """Whether it drives back to have room to steer round what it stands before."""
@@ -248,7 +263,7 @@ class Detour:
         if obstacle.speed > 0.3:
             closing = max(ego.wanted - obstacle.speed, 1.0)
             leave += obstacle.speed * (leave - ego.s) / closing
-        fall = max(_ramp(offset, RAMP_LEAST), min(1.5 * ego.wanted, 20.0))
+        fall = max(_ramp(offset, RAMP_LEAST), min(2.0 * min(ego.wanted, ego.speed + PICKED_UP), 20.0))
         return Shift(full - ramp, full, leave, leave + fall, offset)
 
     def _ground(self, ego: Ego, shift: Shift) -> str | None:
@@ -322,5 +337,11 @@ def _ramp(offset: float, least: float) -> float:
 
 
 def _bends(path: ReferencePath, begin: float, end: float) -> bool:
-    low, high = int(max(begin, 0.0) * 2.0), int(end * 2.0) + 1
-    return bool(np.any(np.abs(path.curvature[low:high]) > STRAIGHT))
+    """Whether the road bends there; the route's own lane changes swing out and back."""
+    s = np.arange(begin, end, BEND_LENGTH / 4.0)
+    ahead, behind = (_sample(path, s + sign * BEND_LENGTH / 2.0) for sign in (1.0, -1.0))
+    return bool(np.any(np.abs(path.yaw[ahead] - path.yaw[behind]) > STRAIGHT * BEND_LENGTH))
+
+
+def _sample(path: ReferencePath, s: Floats) -> NDArray[np.int64]:
+    return np.clip(s / STEP, 0, len(path) - 1).astype(np.int64)

@@ -19,7 +19,9 @@ SPARE = 0.7  # [s] left to who comes against it
 REACTION, FAIR_BRAKING = 1.5, 2.0  # [s], [m/s²] of others, on which it counts once it has waited for long
 FOLLOW_GAP = 1.2  # [s] left to who comes from behind in the lane it moves to
 EASY_BRAKING, FIRM_BRAKING = 2.0, 3.5  # [m/s²] expected of them, at first and once it has waited for long
-PULL = 1.8  # [m/s²] at which it passes
+PULL, FIRM_PULL = 1.8, 2.6  # [m/s²] at which it passes, at first and once it has waited for long
+OVER = 0.3  # of the ramp after which it comes over the line
+LEFT_BEHIND = 1.0  # [m] that who came against it is past its back by then
 LATERAL = 2.2  # [m/s²] in the ramps
 SIGHT = 200.0  # [m] from where on somebody it doesn't know of may come against it
 FASTEST_UNSEEN = 14.0  # [m/s]
@@ -42,22 +44,28 @@ def is_free(ego: Ego, shift: Shift, kind: str, near: Neighbours, limit: float, p
     stands = aside & (np.abs(near.speed) < 0.3) & (near.front > shift.begin) & (near.rear < ends)
     if stands.any():
         return False
-    time = _time(ego, shift, ends)
+    time = _time(ego, shift, ends, patience)
     unseen = min(limit, FASTEST_UNSEEN)
     if kind == AGAINST and ego.s + SIGHT - _run(np.array(unseen), time, patience) < ends:
         return False
-    against = aside & (near.speed < -0.3) & (near.front > ego.s)
+    over = shift.begin + OVER * (shift.full - shift.begin)
+    gone = near.speed * time_to_cover(over - ego.s, ego.speed, _pull(patience), max(ego.wanted, 3.0))
+    against = aside & (near.speed < -0.3) & (near.front + gone > max(over, ego.s) - ego.half_length - LEFT_BEHIND)
     if np.any(near.rear[against] - _run(-near.speed[against], time, patience) < ends):
         return False
     return kind == WITHIN or not np.any(aside & _comes_up(ego, near, patience))
 
 
-def _time(ego: Ego, shift: Shift, ends: float) -> float:
+def _pull(patience: float) -> float:
+    return PULL + (1.0 - patience) * (FIRM_PULL - PULL)
+
+
+def _time(ego: Ego, shift: Shift, ends: float, patience: float) -> float:
     """Seconds until the ego is back in its lane: the ramps' bends are driven slowly."""
     ramp = min(shift.full - shift.begin, shift.end - shift.leave)
     slow = math.sqrt(LATERAL / max(BEND * abs(shift.offset) / max(ramp, 1.0) ** 2, 1e-3))
     top = max(ego.wanted, 3.0)
-    return float(time_to_cover(ends - ego.s, ego.speed, PULL, 0.5 * (min(slow, top) + top))) + 0.3
+    return float(time_to_cover(ends - ego.s, ego.speed, _pull(patience), 0.5 * (min(slow, top) + top))) + 0.3
 
 
 def _run(speed: Floats, time: float, patience: float) -> Floats:

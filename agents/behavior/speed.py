@@ -24,6 +24,13 @@ def speed_profile(path: ReferencePath, limits: Floats, manner: Manner) -> Floats
     return np.sqrt(np.minimum.accumulate((square + slope)[::-1])[::-1] - slope)
 
 
+def time_along(profile: Floats, s: float, distance: float, speed: float, acceleration: float) -> float:
+    """Seconds to drive `distance` [m] on from place `s`, accelerating from `speed` up to what the profile allows."""
+    allowed = profile[max(int(s / STEP), 0) :][: max(math.ceil(distance / STEP), 1)]
+    gained = np.sqrt(speed**2 + 2.0 * acceleration * STEP * (np.arange(len(allowed)) + 0.5))
+    return float(np.sum(STEP / np.maximum(np.minimum(allowed, gained), 0.1)))
+
+
 def towards(speed: float, target: float, slope: float, manner: Manner) -> float:
     """Acceleration [m/s²] from `speed` to the profile's `target`, which itself changes by `slope` [m/s²]."""
     wanted = slope + (target - speed) / 0.6

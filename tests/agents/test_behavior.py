@@ -249,6 +249,30 @@ def test_yellow_stops_who_can_and_spares_who_cannot() -> None:
     assert goes.x - LENGTH / 2.0 - 1.0 > 16.0, "over the line with its rear before red"
 
 
+@pytest.mark.parametrize("approach", [8.0, 11.0])
+def test_yellow_before_a_bend_counts_on_the_speed_of_the_bend(approach: float) -> None:
+    """Whenever the light changes: at red its rear is over the line, or its front stays before it."""
+    points, yaw = arc(6.5)
+    straight_on = np.stack([np.arange(0.0, 60.0), np.zeros(60), np.zeros(60)], axis=1)
+    corner = np.concatenate([straight_on, points + np.array([60.0, 0.0, 0.0])])
+    behind = corner[-1] + np.arange(1.0, 40.0)[:, None] * (0.0, 1.0, 0.0)
+    course = np.concatenate([np.zeros(60), yaw, np.full(39, math.pi / 2.0)])
+    path = path_through(np.concatenate([corner, behind]), course, np.full(len(course), FOLLOW, np.int8))
+    crossed = 0
+    for begin in np.arange(3.5, 6.5, 0.25):
+
+        def turning(time: float, begin: float = begin) -> LightState:
+            return (LightState.GREEN, LightState.YELLOW, LightState.RED)[int(time >= begin) + int(time >= begin + 3.0)]
+
+        road = Road(expert(path, 55.0), speed=approach, lights=turning).drive(begin + 3.0)
+        view = road.expert.view
+        assert view is not None
+        over = view.s - LENGTH / 2.0 > 55.0
+        crossed += over
+        assert over or road.drive(6.0).expert.view.s + LENGTH / 2.0 < 55.0  # type: ignore[union-attr]
+    assert 0 < crossed < 12
+
+
 @pytest.mark.parametrize(("since", "waits"), [(2.0, True), (0.1, False)])
 def test_who_was_held_up_on_the_line_leaves_it_at_yellow_only_if_there_is_time(since: float, waits: bool) -> None:
     made = expert(stop=60.0)

@@ -12,7 +12,7 @@ from agents.behavior.agent import Expert
 from agents.behavior.path import path_through
 from agents.behavior.way import Shift, shifted
 from lavsim.map.town_map import TownMap
-from lavsim.types import ActorClass, Role, VehicleLight
+from lavsim.types import DT, ActorClass, Role, VehicleLight
 from tests import worlds
 from tests.agents.test_behavior import FOLLOW, LENGTH, Other, Road, straight
 
@@ -124,6 +124,45 @@ def test_slow_bicycle_at_the_edge_is_passed() -> None:
     assert road.closest > 0.3
     assert road.x > rider.at(road.time)[0] + 20.0
     assert min(road.speeds) > 3.0
+
+
+@pytest.mark.parametrize("change", [98.0, 110.0])
+def test_obstacle_before_the_routes_own_lane_change_is_passed(change: float) -> None:
+    """The route goes to the lane beside right behind the obstacle; it bends, the road does not."""
+    town = worlds.two_lanes(300.0)
+    left, right = two_lane_y(town, 0), two_lane_y(town, 1)
+    x = np.arange(5.0, 290.0)
+    points = np.stack([x, np.where(x < change, right, left), 0.0 * x], axis=1)
+    made = Expert(path_through(points, 0.0 * x, np.full(len(x), FOLLOW, np.int8)), town)
+    road = Street(made, [parked(80.0, right)], speed=8.0, y=right).drive(40.0)
+    assert road.closest > 0.3
+    assert road.x > 130.0
+    assert min(road.speeds) > -0.01, "there is no need to drive back"
+
+
+@pytest.mark.parametrize("speed", [4.0, 8.0, 12.0])
+def test_it_looks_for_five_seconds_before_it_drives_against_traffic(speed: float) -> None:
+    obstacle = parked(120.0, LANE, kind=ActorClass.PROP, size=(2.0, 2.0, 1.0))
+    road = street([obstacle], speed=speed)
+    near, over = math.inf, math.inf
+    while road.x < 150.0 and road.time < 60.0:
+        road.drive(DT)
+        if math.hypot(road.x - obstacle.x, road.y - obstacle.y) < 30.0:
+            near = min(near, road.time)
+        if road.y < 0.0:
+            over = min(over, road.time)
+    assert road.x >= 150.0
+    assert road.closest > 0.3
+    assert 5.0 < over - near < 9.0
+    assert min(road.speeds) > 0.5, "it comes near slowly instead of standing"
+
+
+def test_lane_beside_is_taken_at_once() -> None:
+    town = worlds.two_lanes(300.0)
+    right = two_lane_y(town, 1)
+    road = street([parked(120.0, right, kind=ActorClass.PROP, size=(2.0, 2.0, 1.0))], town, right).drive(25.0)
+    assert road.x > 150.0
+    assert min(road.speeds) > 5.0
 
 
 def test_road_without_another_lane_is_no_detour() -> None:
