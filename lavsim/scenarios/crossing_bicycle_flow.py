@@ -64,7 +64,7 @@ class CrossingBicycleFlow(Scenario):
     def place(self, stage: Stage) -> None:
         line, speed, gap = self._line(stage.site), self.config.flow_speed, self.config.source_dist_interval
         offset = _EDGE if self._rides_on_road(stage.site) else 0.0
-        phase = phase_to_meet(stage, line, speed)
+        phase = phase_to_meet(stage, line, speed, _RED if stage.site.light >= 0 else 0.0)
         self._flow = ActorFlow(self, stage, line, speed, gap, BICYCLES, prefilled=True, offset=offset, phase=phase)
 
     def script(self, stage: Stage) -> Script:

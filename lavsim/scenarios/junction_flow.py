@@ -81,14 +81,17 @@ class JunctionFlow(Scenario):
         line = way.path(self.reach[0] * speed, self.reach[1] * speed)
         clear_line(stage, line)
         gap = self.config.source_dist_interval
-        phase = phase_to_meet(stage, line, speed)
+        phase = phase_to_meet(stage, line, speed, _RED if self._has_lights else 0.0)
         self._flow = ActorFlow(self, stage, line, speed, gap, prefilled=self.prefilled, phase=phase)
 
     def script(self, stage: Stage) -> Script:
         stage.flags.set(HAZARD_OWNS_TIMER)
-        has_lights = self.signalized and self._junction.way.light >= 0
-        lights = self._hold_lights(stage) if has_lights else wait.seconds(0.0)
+        lights = self._hold_lights(stage) if self._has_lights else wait.seconds(0.0)
         yield from wait.beside(wait.until(wait.left_junction(stage, _END)), lights, self._flow.run())
+
+    @property
+    def _has_lights(self) -> bool:
+        return self.signalized and self._junction.way.light >= 0
 
     def _hold_lights(self, stage: Stage) -> Script:
         """Red for the ego and green for the stream, then green for both."""

@@ -11,14 +11,16 @@ from lavsim.errors import ConfigError
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.enter import drive_through, enter, within
-from lavsim.scenarios.moves.junctions import JunctionAhead, Way, junction_ahead, no_light, no_turn
+from lavsim.scenarios.moves.junctions import JunctionAhead, Way, has_light, junction_ahead, no_light, no_turn
 from lavsim.scenarios.moves.models import BLUE_LIGHTS, EMERGENCY, pick
+from lavsim.scenarios.moves.pursuit import STEP
 from lavsim.scenarios.place import Site
 
 _SIDES = ("right", "left", "opposite")
 _BEFORE, _AFTER = 30.0, 100.0  # [m] of its way before and behind the junction
 _SPEED = 60.0 / 3.6  # [m/s]
 _NEAR = 12.0  # [m] of the ego to the place where the ways meet
+_STRAIGHT = np.radians(35.0)  # that its way turns at most where a new file puts it
 _NOMINAL = 2.0  # times the time its way takes, after which it no longer matters
 
 
@@ -63,7 +65,16 @@ class OppositeVehicleTakingPriority(Scenario):
         return None
 
     def suits(self, site: Site) -> str | None:
-        return self.fits(site) or no_turn(site)
+        return no_turn(site) or has_light(site) or self._no_straight_way(site)
+
+    def _no_straight_way(self, site: Site) -> str | None:
+        """What to say where nobody comes fast: who has to turn brakes for the bend."""
+        if (reason := self.fits(site)) is not None:
+            return reason
+        junction = junction_ahead(site)
+        way = None if junction is None else self._way(junction)
+        is_straight = way is not None and abs(way.turn) < _STRAIGHT
+        return None if is_straight else f"nobody goes straight on who comes from the {self.config.direction}"
 
     def place(self, stage: Stage) -> None:
         junction = junction_ahead(stage.site)
@@ -82,10 +93,10 @@ class OppositeVehicleTakingPriority(Scenario):
         yield from wait.together(crossing, wait.until(wait.left_junction(stage)))
 
     def _time_to(self, place: NDArray[np.float64]) -> float:
-        """How long it drives to the point of its way nearest to `place` [s]."""
-        line = self._car.line.xy
-        nearest = int(np.argmin(np.hypot(*(line - place).T)))
-        return float(np.hypot(*np.diff(line[: nearest + 1], axis=0).T).sum()) / _SPEED
+        """How long it drives to the point of its way nearest to `place` [s]; bends slow it down."""
+        line = self._car.line
+        nearest = int(np.argmin(np.hypot(*(line.xy - place).T)))
+        return float((STEP / np.minimum(_SPEED, line.pace[:nearest])).sum())
 
     def _way(self, junction: JunctionAhead) -> Way | None:
         """The straightest way from its side that meets the route."""
@@ -106,7 +117,7 @@ class OppositeVehicleRunningRedLight(OppositeVehicleTakingPriority):
     """
 
     def suits(self, site: Site) -> str | None:
-        return super().suits(site) or no_light(site)
+        return no_turn(site) or no_light(site) or self._no_straight_way(site)
 
     def script(self, stage: Stage) -> Script:
         light = self._junction.way.light

@@ -11,7 +11,7 @@ from lavsim.map.town_map import Waypoint
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.cross import walk
-from lavsim.scenarios.moves.junctions import junction_ahead, no_turn
+from lavsim.scenarios.moves.junctions import has_light, junction_ahead, no_turn
 from lavsim.scenarios.moves.models import WALKERS, pick
 from lavsim.scenarios.place import Site, aside, kerb
 from lavsim.types import Role
@@ -48,7 +48,7 @@ class PedestrianCrossing(Scenario):
         return "the route enters no junction after it" if junction_ahead(site) is None else None
 
     def suits(self, site: Site) -> str | None:
-        return self.fits(site) or no_turn(site)
+        return self.fits(site) or no_turn(site) or has_light(site)  # who waits at a red light is in nobody's way
 
     def place(self, stage: Stage) -> None:
         self._line = _line(stage.site)

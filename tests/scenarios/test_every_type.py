@@ -11,6 +11,7 @@ import pytest
 
 from lavsim.map.route import RouteTracker
 from lavsim.scenarios.base import SCENARIOS, make_scenario
+from lavsim.scenarios.moves.pursuit import STEP, line_of
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import ActorIds, Control
 from lavsim.world.snapshot import HAZARD_EMERGENCY_TEST, HAZARD_OWNS_TIMER, HAZARD_WRONG_LANE_OFF, Snapshot
@@ -42,20 +43,22 @@ def drives() -> dict[str, DriveSpec]:
 
 
 class Blind:
-    """Keeps to the route at 8 m/s and looks at nobody."""
+    """Keeps to the route at 8 m/s, slower in bends, and looks at nobody."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation, self.route = simulation, simulation.route
         self.tracker = RouteTracker(self.route, 8)
+        self.pace = line_of(self.route.xy, lateral=2.2, slowing=2.0).pace
 
     def tick(self) -> Snapshot:
         ego = self.simulation.snapshot.ego
         aim = self.route.xy[min(self.tracker.update(ego.xy) + 5, len(self.route) - 1)] - ego.xy
         angle = (np.arctan2(aim[1], aim[0]) - ego.yaw + np.pi) % (2.0 * np.pi) - np.pi
-        throttle = 0.75 if ego.speed < 8.0 else 0.0
+        excess = ego.speed - min(8.0, self.pace[min(int(self.tracker.metres() / STEP), len(self.pace) - 1)])
+        throttle, brake = 0.75 if excess < 0.0 else 0.0, 0.3 if excess > 0.5 else 0.0
         if self.is_done:
             return self.simulation.tick(Control(brake=1.0))
-        return self.simulation.tick(Control(throttle, float(np.clip(1.5 * angle, -1.0, 1.0))))
+        return self.simulation.tick(Control(throttle, float(np.clip(1.5 * angle, -1.0, 1.0)), brake))
 
     @property
     def is_done(self) -> bool:

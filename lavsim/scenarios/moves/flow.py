@@ -13,7 +13,7 @@ from lavsim.geometry import wrap_angle
 from lavsim.scenarios.base import Scenario, Script, Stage
 from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.follow import ACCELERATION, DECELERATION, step_column
-from lavsim.scenarios.moves.pursuit import line_of, make_column
+from lavsim.scenarios.moves.pursuit import STEP, line_of, make_column
 from lavsim.scenarios.parameters import Interval
 from lavsim.types import DT, Role
 from lavsim.world.actor import Actor
@@ -153,7 +153,7 @@ class ActorFlow:
     def _spawn(self, at: float) -> bool:
         """A vehicle at `at` metres of the line, at full speed; False where there is no room."""
         world, column = self._stage.world, self._column
-        k = min(int(at / 0.5), len(self.line.yaw) - 1)
+        k = min(int(at / STEP), len(self.line.yaw) - 1)
         yaw = float(self.line.yaw[k])
         xy = self.line.xy[k] + self._offset * np.array([-np.sin(yaw), np.cos(yaw)])
         others = world.pose[: world.count, :2][world.present[: world.count] & (world.half_sizes[:, 0] > 0.0)]

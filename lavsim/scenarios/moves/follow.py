@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.scenarios.base import Script, Stage
-from lavsim.scenarios.moves.pursuit import Column, Line, line_of, make_column, pursue
+from lavsim.scenarios.moves.pursuit import STEP, Column, Line, line_of, make_column, pursue
 from lavsim.world.actor import Actor
 
 ACCELERATION, DECELERATION = 4.0, 8.0  # [m/s²] at most, where a hazard says nothing else
@@ -46,7 +46,7 @@ class LaneFollower:
         self._stage, self._column = stage, make_column(1)
         self._column.row[0], self._column.keeps[0] = actor.row, keeps_distance
         gaps = np.hypot(*(self.line.xy - actor.xy).T)
-        self._column.at[0] = 0.5 * float(np.argmin(gaps))
+        self._column.at[0] = STEP * float(np.argmin(gaps))
         self.speed = speed
 
     @property

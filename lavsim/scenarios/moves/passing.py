@@ -44,14 +44,14 @@ def no_place(site: Site, first: float, last: float, direction: str, against_traf
 
 
 def no_room(site: Site, first: float, last: float) -> str | None:
-    """Why a new file should not put it there: a junction is near, or the route ends before it is over."""
+    """Why a new file should not put it there: a junction is near, the route changes lanes or ends before it is over."""
     end = site.ahead(last + END + _ROUTE_LEFT)
     if end is None:
         return f"the route ends within {last + END + _ROUTE_LEFT:g} m of the trigger"
     near = range(site.ahead(max(first - _CLEAR, 0.0)) or end, site.ahead(last + _CLEAR) or end)
     if any(site.waypoint(k).is_junction for k in near):
         return "a junction is too near"
-    return None
+    return "the route changes lanes on the way" if site.changes_lane(last + END) else None
 
 
 def passage(stage: Stage, near: NDArray[np.float64], range_: float, length: float, traffic: Script) -> Script:

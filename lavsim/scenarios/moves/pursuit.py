@@ -14,7 +14,7 @@ from lavsim.types import DT
 
 Floats = NDArray[np.float64]
 
-_STEP = 0.5  # [m] between the points of a line
+STEP = 0.5  # [m] between the points of a line
 _LATERAL = 4.0  # [m/s²] in bends: who plays a part in a hazard drives briskly
 _SLOWING = 4.0  # [m/s²] before bends
 _FASTEST = 90.0  # [m/s]
@@ -29,7 +29,7 @@ class Line(NamedTuple):
     """A way to follow.
 
     Attributes:
-        xy: (P, 2) points, `_STEP` apart [m].
+        xy: (P, 2) points, `STEP` apart [m].
         yaw: (P,) direction [rad, not wrapped].
         bend: (P,) curvature [1/m].
         pace: (P,) speed that the bends from here on allow [m/s].
@@ -43,22 +43,28 @@ class Line(NamedTuple):
     @property
     def length(self) -> float:
         """[m]"""
-        return _STEP * (len(self.xy) - 1)
+        return STEP * (len(self.xy) - 1)
 
 
-def line_of(points: Floats) -> Line:
-    """The line through `points` (N, 2), N at least 2."""
+def line_of(points: Floats, lateral: float = _LATERAL, slowing: float = _SLOWING) -> Line:
+    """The line through `points` (N, 2), N at least 2.
+
+    Args:
+        points: [m].
+        lateral: Acceleration in bends that its pace allows [m/s²].
+        slowing: Braking before bends [m/s²].
+    """
     points = np.asarray(points, dtype=np.float64)[:, :2]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    count = max(int(along[-1] / _STEP), 2)
-    at = np.arange(count + 1) * _STEP
+    count = max(int(along[-1] / STEP), 2)
+    at = np.arange(count + 1) * STEP
     xy = np.stack([np.interp(at, along, points[:, k]) for k in (0, 1)], axis=1)
     ahead = np.gradient(xy, axis=0)
     yaw = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
-    bend = np.gradient(yaw, _STEP)
-    pace = np.sqrt(_LATERAL / np.maximum(np.abs(bend), _LATERAL / _FASTEST**2))
+    bend = np.gradient(yaw, STEP)
+    pace = np.sqrt(lateral / np.maximum(np.abs(bend), lateral / _FASTEST**2))
     for k in range(count - 1, -1, -1):
-        pace[k] = min(pace[k], math.sqrt(pace[k + 1] ** 2 + 2.0 * _SLOWING * _STEP))
+        pace[k] = min(pace[k], math.sqrt(pace[k + 1] ** 2 + 2.0 * slowing * STEP))
     return Line(snapped(xy), snapped(yaw), snapped(bend), snapped(pace))
 
 
@@ -122,7 +128,7 @@ def pursue(
         most = column.rate[i] * DT
         column.offset[i] += min(max(change, -most), most)
         aside = _advance(line, column, i, pose[row, 0], pose[row, 1])
-        k = min(int(column.at[i] / _STEP + 0.5), last)
+        k = min(int(column.at[i] / STEP + 0.5), last)
         speed = max(forward[row], 0.0)
         allowed = min(column.wanted[i], line.pace[k])
         if touched[row] >= 0 and tick - touched[row] < _UPSET:
@@ -143,10 +149,10 @@ def _advance(line: Line, column: Column, i: int, x: float, y: float) -> float:
     last = len(line.yaw) - 1
     aside = 0.0
     for _ in range(2):
-        k = min(max(int(column.at[i] / _STEP), 0), last)
+        k = min(max(int(column.at[i] / STEP), 0), last)
         cos, sin = cos_sin(line.yaw[k])
         dx, dy = x - line.xy[k, 0], y - line.xy[k, 1]
-        column.at[i] = max(k * _STEP + dx * cos + dy * sin, 0.0)
+        column.at[i] = max(k * STEP + dx * cos + dy * sin, 0.0)
         aside = dy * cos - dx * sin
     return aside
 
@@ -176,8 +182,8 @@ def _gap_ahead(
     """Free way to the nearest box ahead on the line [m] and its speed along it [m/s]; inf and 0 if it is free."""
     own = column.row[i]
     reach = 10.0 + 4.0 * max(column.wanted[i], 5.0)
-    end = min(int((column.at[i] + reach) / _STEP) + 1, len(line.yaw))
-    start = int(column.at[i] / _STEP)
+    end = min(int((column.at[i] + reach) / STEP) + 1, len(line.yaw))
+    start = int(column.at[i] / STEP)
     nearest, pace = np.inf, 0.0
     for j in range(len(present)):
         dx, dy = pose[j, 0] - pose[own, 0], pose[j, 1] - pose[own, 1]
@@ -201,7 +207,7 @@ def _gap_ahead(
         if aside > wide + half[own, 1] + _BESIDE:
             continue
         long = abs(its_cos) * half[j, 0] + abs(its_sin) * half[j, 1]
-        gap = where * _STEP - column.at[i] - half[own, 0] - long
+        gap = where * STEP - column.at[i] - half[own, 0] - long
         if gap < nearest:
             nearest, pace = gap, max(0.0, velocity[j, 0] * cos + velocity[j, 1] * sin)
     return nearest, pace
