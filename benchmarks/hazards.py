@@ -1,183 +1,122 @@
-"""Does each hazard hurt who does not look, and spare who does? The table of `docs/scenarios.md`.
+"""Does each hazard hurt who does not look, and spare who does? The table of `docs/hazards.md`.
 
-`python benchmarks/hazards.py` drives the bundled file `hazards`: the blind route follower with each hazard taken out
-and with it, and the expert with it, under the hazard's own rules (1.0, or 2.1). A run counts as hurt when it has an
-infraction from the trigger on, or loses completion; min speed does not count. `--types`, `--seeds` and `--agents`
-choose less. `--draw FILE` writes the route file: of a town's places for a type the first at which it hurts.
+`python -m benchmarks.hazards --out FILE` drives the bundled file `hazards`: the blind route follower with each hazard
+taken out and with it, and the expert with it, under the hazard's own rules (1.0, or 2.1). A run is hurt when it touches
+an actor of the hazard (of background traffic, where it acts through that), fails to yield where that is the test, or
+does not come to the end. `--types`, `--seeds` and `--agents` choose less. What stands in FILE is not driven again
+unless the route's text has changed or `--code` names another commit. `--draw FILE` writes the route file: of a town's
+places for a type the first at which it hurts.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from rich.progress import track
 
-from lavsim.agent import AgentSpec, InProcessAgent, plan_of
-from lavsim.episode import EpisodeResult, run_episode
-from lavsim.render.scene import get_scene
-from lavsim.sensors.base import SensorSuite
-from lavsim.simulation import DriveSpec, Simulation
-from lavsim.types import DT
-from lavsim.world.snapshot import Snapshot
-from leaderboard.hazard_file import TRAFFIC, hazard_routes
+from benchmarks.hazard_drives import BLIND, EXPERT, Drive, Results, Task
+from lavsim.scenarios.base import SCENARIOS
+from leaderboard.hazard_file import THROUGH_TRAFFIC, TRAFFIC, hazard_routes
 from leaderboard.hazard_maker import find_type
-from leaderboard.observer import CriteriaObserver
 from leaderboard.route_writer import write_routes
 from leaderboard.routes import RouteEntry, read_routes
-from leaderboard.rules import get_rules
 
-BLIND, EXPERT = "agents.baselines.blind", "agents.behavior"
-RULES = {"1.0": "1.0", "2.x": "2.1"}
-MOST_TICKS = 3600  # 180 s
-IGNORED = frozenset({"min_speed_infractions"})
-
-
-@dataclass(frozen=True)
-class Drive:
-    """How one drive went.
-
-    Attributes:
-        reached: Whether it came to the end of the route.
-        infractions: (key, tick) of each but min speed.
-        begun: Tick at which the hazard was set off; -1: never.
-        seconds: Simulated time [s].
-        xy: (T, 2) where the ego was [m].
-    """
-
-    reached: bool
-    infractions: tuple[tuple[str, int], ...]
-    begun: int
-    seconds: float
-    xy: NDArray[np.float64]
-
-    @property
-    def is_clean(self) -> bool:
-        return self.reached and not self.infractions
-
-    @property
-    def is_hurt(self) -> bool:
-        """Whether the hazard has cost it anything."""
-        return self.begun >= 0 and (not self.reached or any(tick >= self.begun for _, tick in self.infractions))
-
-
-class _Watch:
-    """Notes when the hazard is set off and where the ego goes."""
-
-    def __init__(self) -> None:
-        self.begun, self.xy = -1, list[NDArray[np.float64]]()
-
-    def start(self, simulation: Simulation) -> None:
-        """Nothing to prepare."""
-
-    def observe(self, snapshot: Snapshot) -> str | None:
-        self.xy.append(snapshot.ego.xy)
-        if self.begun < 0 and len(snapshot.hazards):
-            self.begun = snapshot.tick
-        return None
-
-    def finish(self, result: EpisodeResult) -> None:
-        """Nothing to close."""
-
-
-def drive(entry: RouteEntry, agent: str, seed: int, with_hazard: bool = True, rules: str | None = None) -> Drive:
-    """One drive of a route with one hazard."""
-    hazard = entry.scenarios[0]
-    judged = get_rules(rules or RULES[hazard.generation])
-    spec = DriveSpec(
-        town=entry.town,
-        route_id=entry.id,
-        keypoints=entry.keypoints,
-        weather=entry.weather,
-        scenarios=entry.scenarios if with_hazard else (),
-        seed=seed,
-        traffic=entry.traffic or TRAFFIC,
-        rules=judged.version,
-        generation=hazard.generation,
-    )
-    simulation = Simulation(spec)
-    handle = InProcessAgent(AgentSpec(agent))
-    criteria, watch = CriteriaObserver(judged), _Watch()
-    try:
-        handle.start(plan_of(simulation.route, simulation.town), judged.plan_spacing)
-        suite = SensorSuite(get_scene(simulation.town), handle.sensors(), simulation.draws)
-        run_episode(simulation, handle, [criteria, watch], suite, MOST_TICKS)
-    finally:
-        handle.close()
-    verdict = criteria.verdict()
-    found = tuple((i.key, i.tick) for i in verdict.infractions if i.key not in IGNORED)
-    return Drive(verdict.reached, found, watch.begun, len(watch.xy) * DT, np.array(watch.xy))
-
-
-def hurts(entry: RouteEntry) -> bool:
-    """Whether the blind follower is clean on a route without its hazard and hurt with it."""
-    return drive(entry, BLIND, 0, with_hazard=False).is_clean and drive(entry, BLIND, 0).is_hurt
-
-
-@dataclass
-class Row:
-    """What is known of one type."""
-
-    generation: str
-    kind: str
-    towns: dict[str, None]
-    free: list[Drive]
-    blind: list[Drive]
-    expert: list[Drive]
-
-    def text(self) -> str:
-        """A line of the table."""
-        causes = Counter(key for run in self.blind for key in {k for k, tick in run.infractions if tick >= run.begun})
-        causes.update({"not reached": sum(not run.reached for run in self.blind)})
-        told = ", ".join(f"{key} {count}" for key, count in causes.most_common(3) if count) or "none"
-        begun = sum(run.begun >= 0 for run in self.blind)
-        deviation = [_deviation(a, b) for a, b in zip(self.free, self.blind, strict=False)]
-        middle = f"{np.median(deviation):.1f}" if deviation else ""
-        return (
-            f"| {self.kind} | {self.generation} | {', '.join(self.towns)} | {begun}/{len(self.blind)} | "
-            f"{_share([run.is_clean for run in self.free])} | {_share([run.is_hurt for run in self.blind])} | {told} | "
-            f"{middle} | {_share([run.is_clean for run in self.expert])} |"
-        )
-
-
-def _deviation(first: Drive, second: Drive) -> float:
-    """Largest distance of the second drive's places from the first's line [m]."""
-    line = first.xy[::2]
-    gaps = np.hypot(*(second.xy[::4, None] - line[None]).transpose(2, 0, 1))
-    return float(gaps.min(axis=1).max())
-
-
-def _share(flags: Sequence[bool]) -> str:
-    return f"{100.0 * sum(flags) / len(flags):.0f} %" if flags else "-"
-
-
+PROOF_SEEDS = 3  # drives with the hazard that must hurt before a place is taken
+BY_DEVIATION = {"Scenario1", "ControlLoss"}  # they disturb the ego's control, which costs no infraction
 HEAD = (
     "| type | generation | towns | set off | blind, clean without | blind, hurt with | by | deviation [m] | "
     "expert, clean |\n|---|---|---|---|---|---|---|---|---|"
 )
 
 
-def table(entries: Sequence[RouteEntry], seeds: int, agents: Sequence[str]) -> list[Row]:
-    """Drives all and prints a line as each type is done."""
-    rows: dict[tuple[str, str], Row] = {}
+def tasks_of(entry: RouteEntry, seeds: int, agents: Sequence[str]) -> Iterator[Task]:
+    """All drives of a route."""
+    for seed in range(seeds):
+        if "blind" in agents:
+            yield Task(entry, seed, BLIND, with_hazard=False)
+            yield Task(entry, seed, BLIND)
+        if "expert" in agents:
+            yield Task(entry, seed, EXPERT, brief=False)
+
+
+def proves(results: Results, entry: RouteEntry) -> bool:
+    """Whether the blind follower is clean on a route without its hazard, and hurt with it where it acts by contact."""
+    hazard = entry.scenarios[0]
+    list(results.run([Task(entry, 0, BLIND, with_hazard=False)]))
+    if not results[Task(entry, 0, BLIND, with_hazard=False)].is_clean:
+        return False
+    if hazard.type in BY_DEVIATION | THROUGH_TRAFFIC or not SCENARIOS[hazard.generation, hazard.type].acts:
+        return True
+    for seed in range(PROOF_SEEDS):
+        list(results.run([Task(entry, seed, BLIND)]))
+        if not results[Task(entry, seed, BLIND)].is_hurt:
+            return False
+    return True
+
+
+def row(key: tuple[str, str], entries: Sequence[RouteEntry], results: Results, seeds: int) -> str:
+    """A type's line of the table."""
+    pairs = [(entry, seed) for entry in entries for seed in range(seeds)]
+    free = _known(results, [Task(entry, seed, BLIND, with_hazard=False) for entry, seed in pairs])
+    blind = _known(results, [Task(entry, seed, BLIND) for entry, seed in pairs])
+    expert = _known(results, [Task(entry, seed, EXPERT, brief=False) for entry, seed in pairs])
+    causes = Counter(cause for run in blind for cause in set(run.causes))
+    told = ", ".join(f"{cause} {count}" for cause, count in causes.most_common(3)) or "none"
+    apart = [deviation(a, b) for a, b in zip(free, blind, strict=False)]
+    towns = ", ".join(dict.fromkeys(entry.town for entry in entries))
+    cells = (
+        key[1], key[0], towns, f"{sum(run.begun >= 0 for run in blind)}/{len(blind)}",
+        share([run.is_clean for run in free]), share([run.is_hurt for run in blind]), told,
+        f"{np.median(apart):.2f}" if apart else "", share([run.is_clean for run in expert]),
+    )  # fmt: skip
+    return f"| {' | '.join(cells)} |"
+
+
+def _known(results: Results, tasks: Sequence[Task]) -> list[Drive]:
+    return [results[task] for task in tasks if task in results]
+
+
+def deviation(first: Drive, second: Drive) -> float:
+    """How far apart two drives of a route were at the same metre of it, at most [m]."""
+    count = min(len(first.aside), len(second.aside))
+    return float(np.abs(np.subtract(first.aside[:count], second.aside[:count])).max(initial=0)) / 1e3
+
+
+def share(flags: Sequence[bool]) -> str:
+    return f"{100.0 * sum(flags) / len(flags):.0f} %" if flags else "-"
+
+
+def by_type(entries: Sequence[RouteEntry]) -> dict[tuple[str, str], list[RouteEntry]]:
+    """Routes by (generation, type) of their hazard."""
+    found: dict[tuple[str, str], list[RouteEntry]] = {}
     for entry in entries:
         hazard = entry.scenarios[0]
-        rows.setdefault((hazard.generation, hazard.type), Row(hazard.generation, hazard.type, {}, [], [], []))
-    for key, row in rows.items():
-        for entry in (e for e in entries if (e.scenarios[0].generation, e.scenarios[0].type) == key):
-            row.towns[entry.town] = None
-            for seed in range(seeds):
-                if "blind" in agents:
-                    row.free.append(drive(entry, BLIND, seed, with_hazard=False))
-                    row.blind.append(drive(entry, BLIND, seed))
-                if "expert" in agents:
-                    row.expert.append(drive(entry, EXPERT, seed))
-        print(row.text(), flush=True)
-    return list(rows.values())
+        found.setdefault((hazard.generation, hazard.type), []).append(entry)
+    return found
+
+
+def failures(entries: Sequence[RouteEntry], results: Results, seeds: int) -> Iterator[str]:
+    """Drives that did not go as they should: a line each."""
+    for entry in entries:
+        name = f"route {entry.id} {entry.town} {entry.scenarios[0].type}"
+        for seed in range(seeds):
+            free, blind = (Task(entry, seed, BLIND, with_hazard) for with_hazard in (False, True))
+            expert = Task(entry, seed, EXPERT, brief=False)
+            if free in results and not results[free].is_clean:
+                yield f"{name} seed {seed}: blind without: {_story(results[free])}"
+            if blind in results and not results[blind].is_hurt:
+                yield f"{name} seed {seed}: blind unhurt: {_story(results[blind])}"
+            if expert in results and not results[expert].is_clean:
+                yield f"{name} seed {seed}: expert: {_story(results[expert])}"
+
+
+def _story(run: Drive) -> str:
+    what = ", ".join(f"{key} at tick {tick} with {other}" for key, tick, other in run.infractions) or "no infraction"
+    return f"begun {run.begun}, {'reached' if run.reached else 'not reached'} in {run.ticks}, {what}"
 
 
 def main() -> None:
@@ -187,12 +126,18 @@ def main() -> None:
     parser.add_argument("--generation", default="", help="types of one generation alone: 1.0 or 2.x")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--agents", default="blind,expert")
+    parser.add_argument("--out", type=Path, help="keeps the drives as JSON lines; those in it are not driven again")
+    parser.add_argument("--code", default="", help="name of the commit that drives")
+    parser.add_argument("--workers", type=int, default=1, help="processes that drive")
+    parser.add_argument("--failures", action="store_true", help="also tells of each drive that went wrong")
     parser.add_argument("--draw", type=Path, help="write the route file instead")
     parser.add_argument("--unproven", action="store_true", help="with --draw: take the first places unseen")
     arguments = parser.parse_args()
     kinds = [find_type(name) for name in arguments.types.split(",") if name] or None
+    results = Results(arguments.out, arguments.code)
     if arguments.draw is not None:
-        entries = list(hazard_routes(kinds, None if arguments.unproven else hurts))
+        good = None if arguments.unproven else lambda entry: proves(results, entry)
+        entries = list(hazard_routes(kinds, good))
         arguments.draw.write_bytes(write_routes(entries, TRAFFIC))
         print(f"{arguments.draw}  {len(entries)} routes")
         return
@@ -202,10 +147,18 @@ def main() -> None:
         if (kinds is None or (entry.scenarios[0].generation, entry.scenarios[0].type) in kinds)
         and arguments.generation in ("", entry.scenarios[0].generation)
     ]
+    agents = arguments.agents.split(",")
+    tasks = [task for entry in wanted for task in tasks_of(entry, arguments.seeds, agents)]
+    left = sum(task not in results for task in tasks)
+    for _ in track(results.run(tasks, arguments.workers), "drives", left):
+        pass
     print(HEAD)
-    rows = table(wanted, arguments.seeds, arguments.agents.split(","))
-    expert = [run.is_clean for row in rows for run in row.expert]
-    print(f"\nexpert, clean over all types: {_share(expert)}")
+    for key, entries in by_type(wanted).items():
+        print(row(key, entries, results, arguments.seeds))
+    expert = _known(results, [Task(e, seed, EXPERT, brief=False) for e in wanted for seed in range(arguments.seeds)])
+    print(f"\nexpert, clean over all types: {share([run.is_clean for run in expert])}")
+    if arguments.failures:
+        print("\n".join(failures(wanted, results, arguments.seeds)))
 
 
 if __name__ == "__main__":
