@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from lavsim.kernel import kernel
 from lavsim.types import Role
 from lavsim.world.blueprints import find_blueprint
-from lavsim.world.snapshot import ActorTable, Snapshot
+from lavsim.world.snapshot import Snapshot
 from leaderboard.contact_time import nearest_contact, separation
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class CriticalityObserver:
     def __init__(self, from_hazard: bool = True) -> None:
         self._from_hazard = from_hazard
         self._rows: list[tuple[float, float, float]] = []
-        self._solid = np.zeros(0, dtype=np.bool_)
+        self._nearby = Nearby()
         self.begun = -1
 
     def start(self, simulation: Simulation) -> None:
@@ -117,23 +117,16 @@ class CriticalityObserver:
         )
 
     def _moment(self, snapshot: Snapshot) -> tuple[float, float, float]:
-        if len(self._solid) < len(snapshot.table.ids):
-            self._solid = _counting(snapshot.table)
-        near = (np.abs(snapshot.xyz - snapshot.xyz[0]) < _NEAR).all(axis=1) & self._solid[snapshot.rows]
-        near[0] = True
-        rows = np.flatnonzero(near)
-        if len(rows) < 2:
+        near = self._nearby.of(snapshot)
+        if len(near.xy) < 2:
             return math.inf, 0.0, math.inf
-        xy, yaw = snapshot.xyz[rows, :2], snapshot.yaw[rows]
-        velocity, sizes = snapshot.velocities[rows, :2], snapshot.sizes[rows, :2]
-        _, time = nearest_contact(xy, yaw, velocity, sizes, HORIZON)
-        if float(np.hypot(*velocity[0])) < MOVES:
+        _, time = nearest_contact(near.xy, near.yaw, near.velocity, near.sizes, HORIZON)
+        if float(np.hypot(*near.velocity[0])) < MOVES:
             return time, 0.0, math.inf
-        ahead = _before(xy, yaw, sizes)
-        xy, yaw, velocity, sizes = xy[ahead], yaw[ahead], velocity[ahead], sizes[ahead]
-        deceleration = required_deceleration(xy, yaw, velocity, sizes, HORIZON)
-        still = velocity * (np.arange(len(velocity)) == 0)[:, None]
-        _, headway = nearest_contact(xy, yaw, still, sizes, HORIZON)
+        near = near.before()
+        deceleration = required_deceleration(near.xy, near.yaw, near.velocity, near.sizes, HORIZON)
+        still = near.velocity * (np.arange(len(near.velocity)) == 0)[:, None]
+        _, headway = nearest_contact(near.xy, near.yaw, still, near.sizes, HORIZON)
         return time, deceleration, headway
 
 
@@ -150,17 +143,38 @@ def criticality_of(snapshots: Iterable[Snapshot], from_hazard: bool = True) -> t
     return observer.criticality, observer.begun
 
 
-def _counting(table: ActorTable) -> NDArray[np.bool_]:
-    """(M,) who can be touched and is no car parked at the kerb: in a bend those stand straight ahead."""
-    solid = np.array([find_blueprint(name).is_solid for name in table.blueprints], dtype=np.bool_)
-    return solid & (table.roles != Role.PARKED)
+class Boxes(NamedTuple):
+    """The ego (row 0) and others: centres (N, 2) [m], yaw (N,) [rad], velocities (N, 2) [m/s], sizes (N, 2) [m]."""
+
+    xy: Floats
+    yaw: Floats
+    velocity: Floats
+    sizes: NDArray[np.float32]
+
+    def before(self) -> Boxes:
+        """The ego and those whose middle is not behind its front axle: braking helps against these alone."""
+        yaw = self.yaw[0]
+        ahead = (self.xy - self.xy[0]) @ np.array([np.cos(yaw), np.sin(yaw)]) > 0.25 * self.sizes[0, 0]
+        ahead[0] = True
+        return Boxes(*(each[ahead] for each in self))
 
 
-def _before(xy: Floats, yaw: Floats, sizes: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Rows of the ego and of those whose middle is not behind its front axle: braking helps against these alone."""
-    ahead = (xy - xy[0]) @ np.array([np.cos(yaw[0]), np.sin(yaw[0])]) > 0.25 * sizes[0, 0]
-    ahead[0] = True
-    return np.flatnonzero(ahead)
+class Nearby:
+    """Finds who is near the ego, can be touched, and is no car parked at the kerb: in a bend those stand ahead."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(0, dtype=np.bool_)
+
+    def of(self, snapshot: Snapshot) -> Boxes:
+        """The ego and those within `REACH`."""
+        table = snapshot.table
+        if len(self._counts) < len(table.ids):
+            solid = np.array([find_blueprint(name).is_solid for name in table.blueprints], dtype=np.bool_)
+            self._counts = solid & (table.roles != Role.PARKED)
+        near = (np.abs(snapshot.xyz - snapshot.xyz[0]) < _NEAR).all(axis=1) & self._counts[snapshot.rows]
+        near[0] = True
+        xyz, velocity, sizes = snapshot.xyz[near, :2], snapshot.velocities[near, :2], snapshot.sizes[near, :2]
+        return Boxes(xyz, snapshot.yaw[near], velocity, sizes)
 
 
 @kernel
