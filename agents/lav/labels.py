@@ -123,14 +123,14 @@ def motions_at(data: Dataset, places: Sequence[tuple[int, int]], config: LavConf
         arrays = motion_arrays(table, frame, steps, filters)
         for name in _ARRAYS:
             getattr(found, name)[k] = arrays[name]
-        found.pushed[k] = is_pushed(table, frame)
+        found.pushed[k] = is_pushed(table, frame, steps)
         found.centre[k] = centre_path(table, frame, steps)
     return found
 
 
-def is_pushed(table: Table, first: int) -> bool:
-    """Whether noise on the control pushes the ego aside soon after frame `first`."""
-    frames = slice(first, first + round(_PUSH_HORIZON / TIME_STEP))
+def is_pushed(table: Table, first: int, steps: int) -> bool:
+    """Whether noise on the control pushes the ego aside soon after frame `first` of a window of `steps`."""
+    frames = slice(first, first + min(round(_PUSH_HORIZON / TIME_STEP), steps))
     controls = table.columns["tick_control"]
     assert controls.ends is not None
     # The first tick behind a frame has the control that was wished at the frame, and the noise.
