@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
 
 import torch
 from lightning_fabric import Fabric
@@ -32,6 +35,7 @@ def make_fabric(precision: str = "float32", device: str = "cpu", processes: int 
     kind = "bf16-mixed" if fast and precision != "float32" else "32-true"
     # Fabric recommends workers and warns of its own internals; neither is the user's concern.
     warnings.filterwarnings("ignore", module="lightning_fabric")
+    logging.getLogger("lightning_fabric").setLevel(logging.WARNING)
     strategy = "ddp_spawn" if processes > 1 else "auto"
     return Fabric(accelerator=device, devices=processes, strategy=strategy, precision=kind)  # type: ignore[arg-type]
 
@@ -42,3 +46,19 @@ def has_bfloat16(device: str) -> bool:
         return torch.cuda.is_bf16_supported()
     found = torch.cpu.get_capabilities()
     return bool(found.get("avx512_bf16") or found.get("amx_bf16"))
+
+
+def moved(batch: Any, device: torch.device) -> Any:
+    """A batch with the tensors in its tuples, lists, dicts and dataclasses on a device."""
+    if device.type == "cpu":
+        return batch
+    if isinstance(batch, torch.Tensor):
+        return batch.to(device, non_blocking=True)
+    if is_dataclass(batch) and not isinstance(batch, type):
+        return replace(batch, **{item.name: moved(getattr(batch, item.name), device) for item in fields(batch)})
+    if isinstance(batch, dict):
+        return {name: moved(value, device) for name, value in batch.items()}
+    if isinstance(batch, tuple | list):
+        values = [moved(value, device) for value in batch]
+        return type(batch)(*values) if hasattr(batch, "_fields") else type(batch)(values)
+    return batch

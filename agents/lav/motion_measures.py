@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.lav.batches import Batch, plain_batch
@@ -16,7 +19,17 @@ MOVES = 1.0  # [m/s] slower egos and others are left out
 _CHUNK = 256
 
 
+Foresee = Callable[[NDArray[np.int64], Batch], Motions]  # of samples' numbers and tensors
+
+
 def measures_of(network: nn.Module, samples: MotionSamples) -> dict[str, float]:
+    """`measures_with` of a network on labels."""
+    return measures_with(
+        lambda _, batch: network(batch.images, batch.poses, batch.goals, batch.speeds, batch.is_real), samples
+    )
+
+
+def measures_with(foresee: Foresee, samples: MotionSamples, chunk: int = _CHUNK) -> dict[str, float]:
     """Mean errors [m] of plans, of forecasts and of their baselines, and the shares of commands told right.
 
     Plans count on frames in which the ego drives and does not brake, forecasts of the vehicles that drive on all
@@ -24,10 +37,10 @@ def measures_of(network: nn.Module, samples: MotionSamples) -> dict[str, float]:
     across the true path.
     """
     sums: dict[str, list[Tensor]] = {}
-    for begin in range(0, len(samples), _CHUNK):
-        index = np.arange(begin, min(begin + _CHUNK, len(samples)))
+    for begin in range(0, len(samples), chunk):
+        index = np.arange(begin, min(begin + chunk, len(samples)))
         batch = plain_batch(samples, index)
-        motions: Motions = network(batch.images, batch.poses, batch.goals, batch.speeds, batch.is_real)
+        motions = foresee(index, batch)
         centre = torch.from_numpy(samples.centre[index])
         for name, values in {**_plan_errors(motions, batch, centre), **_others_errors(motions, batch)}.items():
             sums.setdefault(name, []).append(values.detach())

@@ -20,7 +20,7 @@ from lightning_fabric import Fabric
 from torch import Tensor
 
 from agents.lav.config import LavConfig
-from agents.lav.devices import make_fabric
+from agents.lav.devices import make_fabric, moved
 from agents.lav.feed import Order, fed
 from agents.lav.records import MEASURES, Pace, Records, Watch
 from agents.lav.stages.base import Stage, StepContext, TrainConfig
@@ -150,7 +150,7 @@ class _Run:
         torch.manual_seed(int(self._draws.bits(self.step, 1)[0] >> np.uint64(1)) + self.fabric.global_rank)
         device = self.fabric.device
         context = StepContext(self._augment(self.step), self.step / self.steps, device)
-        loss, parts = self.stage.loss(batch if device.type == "cpu" else self.fabric.to_device(batch), context)
+        loss, parts = self.stage.loss(moved(batch, device), context)
         self._optimiser.zero_grad(set_to_none=True)
         self.fabric.backward(loss)
         norm = self.fabric.clip_gradients(self._wrapped, self._stepper, max_norm=self.train.clip)

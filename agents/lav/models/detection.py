@@ -17,9 +17,11 @@ from agents.lav.config import BackboneConfig, GridConfig
 from agents.lav.models.backbone import Seen
 
 PEDESTRIAN, VEHICLE = 0, 1  # channels of the centre head
+NOBODY = -1  # padding among the kinds
 MAP_WEIGHT = 2.0  # of the map's loss beside detection
 _PEAK_REACH = 3  # cells around a peak in which no other stands
-_RING_BUMP = math.exp(-9.0)  # within three cells of an actor in the ring nothing counts
+_DOUBT = math.exp(-9.0)  # within three cells of an actor that is not to be judged nothing counts
+_BUMP_REACH = 4  # cells beyond which a bump is below the precision of its height
 
 
 class DetectionLabels(NamedTuple):
@@ -38,32 +40,47 @@ class DetectionLabels(NamedTuple):
     heading: Tensor
 
 
-def detection_labels(boxes: Tensor, kinds: Tensor, grid: GridConfig, config: BackboneConfig) -> DetectionLabels:
+def detection_labels(
+    boxes: Tensor, kinds: Tensor, grid: GridConfig, config: BackboneConfig, hits: Tensor | None = None
+) -> DetectionLabels:
     """Labels of frames.
 
     Actors beyond their kind's radius (of the ego, which stands at the origin) are neither to be found nor to be
-    denied: within a few cells of them nothing counts. The original counted them as background though it saw them.
+    denied: within a few cells of them nothing counts. The original counted them as background though it saw them. The
+    same holds of actors with fewer than `config.least_hits` points.
 
     Args:
         boxes: (B, A, 5).
-        kinds: (B, A) `PEDESTRIAN` or `VEHICLE`; -1 where there is none.
+        kinds: (B, A) `PEDESTRIAN` or `VEHICLE`; `NOBODY` where there is none.
+        grid: Where they are drawn.
+        config: Radii.
+        hits: (B, A) LiDAR points on each, if it matters.
     """
-    bumps = _bumps(boxes, grid)
+    frames, most = kinds.shape
     distance = torch.hypot(boxes[..., 0], boxes[..., 1])
     radius = torch.where(kinds == PEDESTRIAN, config.walker_radius, config.detection_radius)
-    known = (kinds >= 0) & (distance <= radius)
-    ring = (kinds >= 0) & (distance > radius) & (distance <= radius + config.ring)
-    heat = [_highest(bumps, known & (kinds == kind)) for kind in (PEDESTRIAN, VEHICLE)]
-    doubt = [_highest(bumps, ring & (kinds == kind)) > _RING_BUMP for kind in (PEDESTRIAN, VEHICLE)]
-    # The nearest actor speaks; where two are as near, vehicles, which are drawn last.
-    owner = (bumps * (known * (1.0 + 1e-6 * (kinds == VEHICLE)))[..., None, None]).argmax(dim=1)
-    values = torch.stack(
-        [boxes[..., 3] / grid.cell, boxes[..., 4] / grid.cell, torch.cos(boxes[..., 2]), torch.sin(boxes[..., 2])]
+    sure = distance <= radius
+    if hits is not None:
+        sure = sure & (hits >= config.least_hits)
+    known, doubted = (kinds >= 0) & sure, (kinds >= 0) & ~sure & (distance <= radius + config.ring)
+    cells, bumps = _bumps(boxes, grid)
+    # One canvas a frame and kind, and one of both kinds that says who speaks: the nearest, of equals the last vehicle.
+    heat = _highest(cells, bumps * known[..., None], kinds, frames, grid)
+    doubt = _highest(cells, bumps * doubted[..., None], kinds, frames, grid) > _DOUBT
+    strength = bumps * known[..., None]
+    either = heat.amax(dim=1).flatten(1)
+    is_owner = (strength > 0.0) & (strength >= either.gather(1, cells.flatten(1)).view_as(strength))
+    rank = torch.arange(1, most + 1, device=boxes.device) + most * (kinds == VEHICLE)
+    ranks = torch.zeros_like(either, dtype=torch.long).scatter_reduce(
+        1, cells.flatten(1), (rank[..., None] * is_owner).flatten(1), "amax"
     )
-    frame = torch.arange(len(boxes), device=boxes.device)[:, None, None]
-    drawn = values[:, frame, owner].transpose(0, 1)
-    weight = 1.0 - torch.stack(doubt, dim=1).to(bumps.dtype)
-    return DetectionLabels(torch.stack(heat, dim=1), weight, drawn[:, :2], drawn[:, 2:])
+    owner = (ranks - 1).clamp(min=0) % most
+    values = torch.stack(
+        [boxes[..., 3] / grid.cell, boxes[..., 4] / grid.cell, torch.cos(boxes[..., 2]), torch.sin(boxes[..., 2])],
+        dim=1,
+    )
+    drawn = values.gather(2, owner[:, None].expand(-1, 4, -1)).view(frames, 4, grid.rows, grid.cols)
+    return DetectionLabels(heat, 1.0 - doubt.to(bumps.dtype), drawn[:, :2], drawn[:, 2:])
 
 
 def detection_loss(seen: Seen, labels: DetectionLabels) -> Tensor:
@@ -82,9 +99,12 @@ def detection_loss(seen: Seen, labels: DetectionLabels) -> Tensor:
     return total
 
 
-def map_loss(logits: Tensor, layers: Tensor) -> Tensor:
-    """Binary cross entropy of road, solid and broken marks (B, 3, H, W)."""
-    return MAP_WEIGHT * functional.binary_cross_entropy_with_logits(logits, layers)
+def map_loss(logits: Tensor, layers: Tensor, known: Tensor | None = None) -> Tensor:
+    """Binary cross entropy of road, solid and broken marks (B, 3, H, W), where they are known (B, H, W)."""
+    if known is None:
+        return MAP_WEIGHT * functional.binary_cross_entropy_with_logits(logits, layers)
+    each = functional.binary_cross_entropy_with_logits(logits, layers, reduction="none") * known[:, None]
+    return MAP_WEIGHT * each.sum() / (known.sum().clamp(min=1.0) * layers.shape[1])
 
 
 class Detections(NamedTuple):
@@ -132,15 +152,22 @@ def _boxes_at(seen: Seen, frame: int, cells: Tensor, scores: Tensor, grid: GridC
     return Detections(torch.stack([x, y, yaw, size[0] * grid.cell, size[1] * grid.cell], dim=1), scores)
 
 
-def _highest(bumps: Tensor, chosen: Tensor) -> Tensor:
-    """(B, H, W) largest of the bumps (B, A, H, W) of the chosen actors (B, A)."""
-    return (bumps * chosen[..., None, None]).amax(dim=1)
+def _highest(cells: Tensor, bumps: Tensor, kinds: Tensor, frames: int, grid: GridConfig) -> Tensor:
+    """(B, 2, H, W) largest of the bumps (B, A, N) at cells (B, A, N) of actors of each kind."""
+    area = grid.rows * grid.cols
+    canvas = bumps.new_zeros(frames, 2 * area)
+    where = cells + (kinds.clamp(min=0) * area)[..., None]
+    canvas = canvas.scatter_reduce(1, where.flatten(1), bumps.flatten(1), "amax")
+    return canvas.view(frames, 2, grid.rows, grid.cols)
 
 
-def _bumps(boxes: Tensor, grid: GridConfig) -> Tensor:
-    """(B, A, H, W) exp(-d^2) of the distance d [cells] of each cell from each actor's centre."""
-    rows = torch.arange(grid.rows, device=boxes.device, dtype=boxes.dtype) + 0.5
-    cols = torch.arange(grid.cols, device=boxes.device, dtype=boxes.dtype) + 0.5
-    across = torch.exp(-((cols - ((boxes[..., 0] + grid.aside) / grid.cell)[..., None]) ** 2))
-    along = torch.exp(-((rows - ((boxes[..., 1] + grid.ahead) / grid.cell)[..., None]) ** 2))
-    return along[..., None] * across[..., None, :]
+def _bumps(boxes: Tensor, grid: GridConfig) -> tuple[Tensor, Tensor]:
+    """Numbers (B, A, N) of the cells around each actor's centre, and exp(-d^2) of their distance d [cells] from it; 0
+    off the grid."""
+    reach = torch.arange(-_BUMP_REACH, _BUMP_REACH + 1, device=boxes.device)
+    col, row = (boxes[..., 0] + grid.aside) / grid.cell, (boxes[..., 1] + grid.ahead) / grid.cell
+    rows, cols = row.floor().long()[..., None] + reach, col.floor().long()[..., None] + reach
+    along = torch.exp(-((rows + 0.5 - row[..., None]) ** 2)) * ((rows >= 0) & (rows < grid.rows))
+    across = torch.exp(-((cols + 0.5 - col[..., None]) ** 2)) * ((cols >= 0) & (cols < grid.cols))
+    cells = rows.clamp(0, grid.rows - 1)[..., :, None] * grid.cols + cols.clamp(0, grid.cols - 1)[..., None, :]
+    return cells.flatten(2), (along[..., :, None] * across[..., None, :]).flatten(2)

@@ -114,8 +114,8 @@ class Stage(ABC):
     def load(self, samples: NDArray[np.int64], draws: Draws) -> Any:
         """Samples from the disk, augmented by the step's draws; a pure function that leaves the network alone.
 
-        It runs beside the training, in a thread or in processes of its own. Tensors in tuples, lists and dicts
-        are then moved to the network's device.
+        It runs beside the training, in a thread or in processes of its own. Tensors in tuples, lists, dicts and
+        dataclasses are then moved to the network's device.
         """
         return samples
 

@@ -67,7 +67,7 @@ def test_every_preset_fits_together(name: str) -> None:
     assert seen.centre.shape == (2, 2, rows, cols)
     assert seen.map.shape == (2, 3, rows, cols)
     assert seen.features.shape[2:] == (rows // 2, cols // 2)
-    motions = make_student(config, perception)(seen.features, torch.zeros(2, 1, 3), torch.zeros(2, 2))
+    motions = make_student(config, perception)(seen.features, torch.zeros(2, 1, 3), torch.zeros(2, 2, 2))
     assert motions.coarse.shape == (2, 1, 6, config.motion.waypoints, 2)
     cameras = config.cameras
     images = torch.rand(1, 3, cameras.height, cameras.width)
