@@ -13,7 +13,7 @@ from lavsim.scenarios.moves.flow import BICYCLES
 from lavsim.scenarios.moves.follow import LaneFollower
 from lavsim.scenarios.moves.models import pick
 from lavsim.scenarios.moves.park import park
-from lavsim.scenarios.moves.passing import WAIT, no_place, no_room, oncoming_traffic, slowed_traffic
+from lavsim.scenarios.moves.passing import WAIT, no_gap, no_place, no_room, oncoming_traffic, slowed_traffic
 from lavsim.scenarios.moves.roadside import must_be_ahead
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site, line_ahead
@@ -79,9 +79,9 @@ class HazardAtSideLane(Scenario):
         return no_place(site, self.config.distance, self.config.distance + _GAP, "right", self.against_traffic)
 
     def suits(self, site: Site) -> str | None:
-        return self.fits(site) or no_room(
-            site, self.config.distance, self.config.distance + _GAP + self.config.bicycle_drive_distance
-        )
+        last = self.config.distance + _GAP + self.config.bicycle_drive_distance
+        reason = self.fits(site) or no_room(site, self.config.distance, last)
+        return reason or (no_gap(site, self.config.distance) if self.against_traffic else None)
 
     def place(self, stage: Stage) -> None:
         self._places = [must_be_ahead(stage.site, self.config.distance + k * _GAP) for k in range(2)]

@@ -24,7 +24,7 @@ _BESIDE, _TURN = 4.5, np.radians(15.0)  # [m], [rad] of the car's way from the r
 _HEAD = 9.0  # [m] that the car is ahead of the ego when it cuts in
 _SLOWER = 0.8  # of the ego's speed
 _FASTEST, _SLOWEST = 35.0, 3.0  # [m/s] while it comes alongside
-_HIGHWAY = 70.0 / 3.6  # [m/s] limit of a road where a new file puts it
+_FAST, _LANE = 59.0 / 3.6, 3.0  # [m/s] limit of a road, [m] of the car's lane from the ego's where a new file puts it
 _SLOPE = 0.25  # of its way that it moves aside at most: slow ones take longer than 2 s
 _SECONDS, _OTHER_LANE = 2.0, 3.0  # [s] of the change, [s] in the ego's lane afterwards
 
@@ -62,9 +62,12 @@ class HighwayCutIn(Scenario):
         return None if _alongside(site, line) is not None else "the car's way does not run along the route"
 
     def suits(self, site: Site) -> str | None:
-        if site.anchor.speed_limit < _HIGHWAY:  # asked first, as it is quick to tell
-            return f"the speed limit is below {3.6 * _HIGHWAY:.0f} km/h"
-        return no_turn(site, near=40.0, far=150.0) or has_light(site) or self.fits(site)
+        if site.anchor.speed_limit < _FAST:  # asked first, as it is quick to tell
+            return f"the speed limit is below {3.6 * _FAST:.0f} km/h"
+        reason = no_turn(site, near=40.0, far=150.0) or has_light(site)
+        line = self._line(site) if reason is None else None
+        found = None if line is None else _alongside(site, line)
+        return reason or (None if found and abs(found[2]) > _LANE else "no slip road runs beside the ego's lane")
 
     def place(self, stage: Stage) -> None:
         line = self._line(stage.site)

@@ -211,7 +211,7 @@ def kerb(waypoint: Waypoint, side: str) -> float:
     reach, lane = waypoint.width / 2.0, waypoint
     outward: Callable[[Waypoint], Waypoint | None] = Waypoint.right if side == "right" else Waypoint.left
     while (next_lane := outward(lane)) is not None and not next_lane.lane_type & (LaneType.SIDEWALK | LaneType.NONE):
-        if next_lane.lane_type & LaneType.DRIVING and math.cos(next_lane.yaw - lane.yaw) < -0.5:
+        if math.cos(next_lane.yaw - lane.yaw) < -0.5:
             outward = Waypoint.left if outward is Waypoint.right else Waypoint.right  # sides swap across the centre
         reach += next_lane.width
         lane = next_lane

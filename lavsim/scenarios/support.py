@@ -9,12 +9,13 @@ from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.junctions import has_light, junction_ahead, no_light, no_turn, ways_through
 from lavsim.scenarios.place import Site
-from lavsim.types import RoadOption
+from lavsim.types import LightState, RoadOption
 from lavsim.world.snapshot import HAZARD_OWNS_TIMER
 
 _LENGTH = 200.0  # [m] that the ego drives at a T
 _FIRST = 5.0  # [s] of the first phase of the lights
-_SECOND = 10.0  # [s] of red after green
+_YELLOW = 3.0  # [s] of yellow after green
+_SECOND = 10.0  # [s] of red after it
 _END = 10.0  # [m] behind the junction
 _TURNS = (RoadOption.LEFT, RoadOption.RIGHT)
 _CHANGES = (RoadOption.CHANGELANELEFT, RoadOption.CHANGELANERIGHT)
@@ -68,6 +69,9 @@ def _hold_lights(stage: Stage, phases: tuple[bool, bool]) -> Script:
     for is_green, duration in zip(phases, (_FIRST, _SECOND), strict=True):
         stage.lights.hold_junction(light, greens=(light,) if is_green else ())
         yield from wait.seconds(duration)
+        if phases == (True, False) and is_green:
+            stage.lights.hold(light, LightState.YELLOW)
+            yield from wait.seconds(_YELLOW)
     if not phases[-1]:
         stage.lights.release()
 
@@ -109,7 +113,7 @@ class TJunction(Support):
 
 @SCENARIOS.register(("2.x", "VanillaSignalizedTurnEncounterGreenLight"))
 class VanillaSignalizedTurnEncounterGreenLight(Support):
-    """Support type: the ego's light is green for 5 s and all others are red; then it is red too for 10 s.
+    """Support type: the ego's light is green for 5 s and all others are red; then it is yellow 3 s and red for 10 s.
 
     It lasts to 10 m behind the junction.
 

@@ -12,7 +12,7 @@ from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_direction, check_positive
 from lavsim.scenarios.moves.flow import CARS
 from lavsim.scenarios.moves.models import pick
-from lavsim.scenarios.moves.passing import END, WAIT, no_place, no_room, oncoming_traffic
+from lavsim.scenarios.moves.passing import END, WAIT, no_gap, no_place, no_room, oncoming_traffic
 from lavsim.scenarios.moves.roadside import must_be_ahead, parking_beside, sign_of
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site, at_height
@@ -72,7 +72,8 @@ class VehicleOpensDoorTwoWays(Scenario):
         return reason
 
     def suits(self, site: Site) -> str | None:
-        return self.fits(site) or no_room(site, self.config.distance, self.config.distance)
+        distance = self.config.distance
+        return self.fits(site) or no_room(site, distance, distance) or no_gap(site, distance)
 
     def place(self, stage: Stage) -> None:
         self._place = must_be_ahead(stage.site, self.config.distance)

@@ -26,6 +26,8 @@ BICYCLES = ("vehicle.bh.crossbike", "vehicle.diamondback.century", "vehicle.gaze
 GAP = Interval(20.0, 50.0)  # [m]
 _MOST = 48  # vehicles at once
 _STANDING = 0.5  # [m/s] of an ego that is waited for
+_ON_LINE, _ALONG = 1.5, 0.9  # [m] of the ego from the line, cosine between their directions: it drives along it
+_MERGED = 40  # ticks after which an ego that drives along the line is part of the stream
 _ROOM = 7.0  # [m] between middles below which nobody appears, whatever the gap
 
 
@@ -84,7 +86,7 @@ class ActorFlow:
         self._column, self._count = make_column(_MOST), 0
         self._draws = stage.draws.stream("flow", len(scenario.actors))
         self._next_gap = self._draw_gap()
-        self.is_open = True
+        self.is_open, self._merged = True, 0  # ticks that the ego has been driving along the line
         self._pause = round(max(-(phase or 0.0), 0.0) / (max(speed, 0.1) * DT))  # ticks until the first one comes
         at = self.line.length - 1.0 if phase is None else min(phase, self.line.length - 1.0)
         wanted = prefilled or phase is not None
@@ -138,11 +140,16 @@ class ActorFlow:
             yield
 
     def _keep_clear(self) -> None:
-        """Nobody runs into an ego that stands, and once one has touched something all keep their distance."""
+        """Nobody runs into an ego that stands or has long merged; once one has touched something all keep clear."""
         here = self._column.row >= 0
         if not self._keeps and (self._stage.world.touched[self._column.row[here]] >= 0).any():
             self._keeps = True
-        self._column.keeps[:] = self._keeps or self._stage.world.ego.speed < _STANDING
+        ego = self._stage.world.ego
+        gaps = np.hypot(*(self.line.xy - ego.xy).T)
+        nearest = int(np.argmin(gaps))
+        is_along = gaps[nearest] < _ON_LINE and np.cos(self.line.yaw[nearest] - ego.yaw) > _ALONG
+        self._merged = self._merged + 1 if is_along else 0
+        self._column.keeps[:] = self._keeps or ego.speed < _STANDING or self._merged > _MERGED
 
     def _draw_gap(self) -> float:
         return float(self._draws.uniform(self._count, 1, *self._gap)[0])

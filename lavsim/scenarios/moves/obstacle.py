@@ -8,7 +8,7 @@ from typing import ClassVar
 from lavsim.map.town_map import Waypoint
 from lavsim.scenarios.base import Scenario, Script, Stage
 from lavsim.scenarios.moves.checks import check_direction, check_positive
-from lavsim.scenarios.moves.passing import no_place, no_room, oncoming_traffic, passage, slowed_traffic
+from lavsim.scenarios.moves.passing import no_gap, no_place, no_room, oncoming_traffic, passage, slowed_traffic
 from lavsim.scenarios.moves.roadside import must_be_ahead
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site
@@ -68,7 +68,8 @@ class Obstacle(Scenario):
         return no_place(site, self.config.distance, self._end, self.config.direction, self.against_traffic)
 
     def suits(self, site: Site) -> str | None:
-        return self.fits(site) or no_room(site, self.config.distance, self._end)
+        reason = self.fits(site) or no_room(site, self.config.distance, self._end)
+        return reason or (no_gap(site, self.config.distance) if self.against_traffic else None)
 
     def script(self, stage: Stage) -> Script:
         yield from passage(stage, self.actors[0].xy, self.near, self._end, self._traffic(stage))

@@ -22,6 +22,7 @@ _FLOW_TIME, _FLOW_BASE = 1.5, 30.0  # [m per km/h], [m]: how far off oncoming tr
 _SLOWED = 100.0  # [m] of road ahead on which traffic minds a limit
 _FURTHER = 20.0  # [m] that a road must go on behind the last obstacle
 _ROUTE_LEFT = 10.0  # [m] of route behind where it is over
+_CALM = 60.5 / 3.6  # [m/s] limit of a road where an ego may be asked to pass against traffic
 _CLEAR = 25.0  # [m] before and behind it without a junction
 
 
@@ -52,6 +53,13 @@ def no_room(site: Site, first: float, last: float) -> str | None:
     if any(site.waypoint(k).is_junction for k in near):
         return "a junction is too near"
     return "the route changes lanes on the way" if site.changes_lane(last + END) else None
+
+
+def no_gap(site: Site, distance: float) -> str | None:
+    """What to say where those who come against the ego would be too fast to find a gap between them."""
+    place = lane_ahead(site, distance)
+    is_calm = place is not None and place.speed_limit <= _CALM
+    return None if is_calm else f"oncoming traffic drives faster than {3.6 * _CALM:.0f} km/h"
 
 
 def passage(stage: Stage, near: NDArray[np.float64], range_: float, length: float, traffic: Script) -> Script:
