@@ -14,8 +14,9 @@ from agents.lav.models.crop import to_own, to_planner
 from lavsim.random import Draws
 
 OTHERS = 3  # vehicles beside the ego a sample, at most
-TURN_JITTER, SHIFT_JITTER = np.radians(30.0), 2.5  # of the ego's window [rad], [m]; small ones are commoner
-OTHERS_TURN, OTHERS_SHIFT = np.radians(20.0), 1.5  # of others' windows
+# Less than the paper's 30 degrees and 2.5 m, 20 degrees and 1.5 m: our drives have noise on their control.
+TURN_JITTER, SHIFT_JITTER = np.radians(20.0), 1.5  # of the ego's window [rad], [m]; small ones are commoner
+OTHERS_TURN, OTHERS_SHIFT = np.radians(10.0), 0.8  # of others' windows
 SPEED_NOISE = 0.4  # [m/s] of others' speeds: a tracker is that far off
 EGO_SPEED_NOISE = 0.15  # [m/s]
 UNKNOWN = 0.1  # share of speeds that are not told

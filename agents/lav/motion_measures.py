@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.lav.batches import Batch, plain_batch
-from agents.lav.config import TIME_STEP
 from agents.lav.labels import MotionSamples
-from agents.lav.models.motion import chosen
+from agents.lav.models.motion import chosen, straight_on
 from agents.lav.models.teacher import Motions
 
 MOVES = 1.0  # [m/s] slower egos and others are left out
@@ -56,7 +55,7 @@ def _plan_errors(motions: Motions, batch: Batch, centre: Tensor) -> dict[str, Te
     future, commands = batch.futures[counts, 0], batch.commands[counts]
     refined, coarse = motions.refined[counts], motions.coarse[counts, 0]
     plan = chosen(refined[:, -1] if refined.shape[1] else coarse, commands)
-    straight = _straight(batch.speeds[counts, 0], future.shape[1])
+    straight = straight_on(batch.speeds[counts, 0], future.shape[1])
     return {
         "plan": displacement(plan, future),
         "plan_last": torch.linalg.vector_norm(plan[:, -1] - future[:, -1], dim=-1),
@@ -79,14 +78,8 @@ def _others_errors(motions: Motions, batch: Batch) -> dict[str, Tensor]:
     return {
         "others_nearest": displacement(paths, futures[:, None]).amin(dim=1),
         "others_likeliest": displacement(chosen(paths, likeliest), futures),
-        "others_constant_velocity": displacement(_straight(batch.speeds[counts], futures.shape[1]), futures),
+        "others_constant_velocity": displacement(straight_on(batch.speeds[counts], futures.shape[1]), futures),
     }
-
-
-def _straight(speeds: Tensor, steps: int) -> Tensor:
-    """(N, T, 2) straight on with speeds (N,)."""
-    way = speeds[:, None] * (TIME_STEP * torch.arange(1, steps + 1))
-    return torch.stack([torch.zeros_like(way), -way], dim=-1)
 
 
 def displacement(paths: Tensor, targets: Tensor) -> Tensor:

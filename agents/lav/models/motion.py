@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from agents.lav.config import COMMANDS, MotionConfig
+from agents.lav.config import COMMANDS, TIME_STEP, MotionConfig
 from agents.lav.models.resnet import STRIDE, ResNet
 
 GOAL_SCALE = 24.0  # [m] of the paper's goal encoding g / 24 - 1
@@ -149,20 +149,27 @@ class MotionPlan(NamedTuple):
 
 
 class MotionHead(nn.Module):
-    """Coarse branches, refiner and command classifier on one embedding."""
+    """Coarse branches, refiner and command classifier on one embedding.
+
+    Where speeds are known a branch is what a vehicle does beside going straight on as it goes: steps of three metres
+    are much for a recurrence whose states end at one.
+    """
 
     def __init__(self, config: MotionConfig) -> None:
         super().__init__()
         features = config.embedding.features
-        self.refinements = config.refinements
+        self.refinements, self.has_speeds = config.refinements, config.speeds
         self.coarse = CommandGrus(features, config.coarse_hidden, config.waypoints)
         self.refiner = Refiner(features, config.refine_hidden, config.goals) if config.refinements else None
         self.commands = nn.Linear(features, COMMANDS)
 
-    def forward(self, vectors: Tensor) -> MotionPlan:
-        """Coarse plans and command logits of vectors (N, D)."""
+    def forward(self, vectors: Tensor, speeds: Tensor | None = None) -> MotionPlan:
+        """Coarse plans and command logits of vectors (N, D); speeds (N,) [m/s] are what the plans begin with."""
         with exact(vectors):  # sums over time would lose centimetres in half precision
-            return MotionPlan(self.coarse(vectors.float()), self.commands(vectors.float()))
+            coarse = self.coarse(vectors.float())
+            if self.has_speeds and speeds is not None:
+                coarse = coarse + straight_on(speeds.nan_to_num(0.0), coarse.shape[2])[:, None]
+            return MotionPlan(coarse, self.commands(vectors.float()))
 
     def refine(self, vectors: Tensor, goals: Tensor, coarse: Tensor) -> Tensor:
         """Plans (N, K, 6, T, 2) [m] after each of the K refinements towards goals (N, G, 2); with K = 0 none."""
@@ -171,6 +178,12 @@ class MotionHead(nn.Module):
         with exact(vectors):
             refined: Tensor = self.refiner(vectors.float(), goals, coarse, self.refinements)
         return refined
+
+
+def straight_on(speeds: Tensor, steps: int) -> Tensor:
+    """(N, T, 2) where vehicles are that keep their course and speeds (N,) [m/s]."""
+    way = speeds[:, None] * (TIME_STEP * torch.arange(1, steps + 1, device=speeds.device))
+    return torch.stack([torch.zeros_like(way), -way], dim=-1)
 
 
 def exact(values: Tensor) -> torch.autocast:

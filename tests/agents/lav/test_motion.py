@@ -173,6 +173,15 @@ def test_a_speed_that_nobody_knows_is_no_speed() -> None:
     assert torch.equal(blind(windows, torch.zeros(3)), blind(windows, torch.full((3,), 8.0)))
 
 
+def test_paths_begin_with_the_speed_that_is_known() -> None:
+    head = MotionHead(MotionConfig(embedding=ResNetConfig(depth=10, width=4), speeds=True))
+    vectors, speeds = torch.randn(2, 32), torch.tensor([4.0, torch.nan])
+    added = head(vectors, speeds).coarse - head(vectors).coarse
+    assert torch.allclose(added[0, 2, :, 1], -torch.arange(1.0, 11.0), atol=1e-5)
+    assert float(added[0, ..., 0].abs().max()) < 1e-6
+    assert not added[1].any()
+
+
 def test_a_grid_pooled_vector_knows_where_things_are() -> None:
     config = MotionConfig(embedding=ResNetConfig(depth=10, width=4), pooling="grid")
     for size in (30, 64, 80):  # sides that are no multiple of the stride too
