@@ -12,6 +12,7 @@ from lavsim.kernel import kernel
 Floats = NDArray[np.float64]
 
 _STEP = 0.05  # [s] between the moments that are tested
+_ROUNDING = 1e-3  # [m] far more than what single precision loses in sizes
 
 
 @kernel
@@ -32,19 +33,56 @@ def nearest_contact(
     """
     nearest, soonest = np.inf, np.inf
     for k in range(1, len(xy)):
-        dx, dy = xy[k, 0] - xy[0, 0], xy[k, 1] - xy[0, 1]
+        nearest, soonest = _with_one_more(k, xy, yaw, velocity, sizes, horizon, nearest, soonest)
+    return nearest, soonest
+
+
+@kernel
+def nearest_contact_around(
+    xyz: Floats, yaw: Floats, velocity: Floats, sizes: NDArray[np.float32], reach: float, level: float, horizon: float
+) -> tuple[float, float]:
+    """As `nearest_contact`, of those nearer than `reach` to the ego along either axis and than `level` in height.
+
+    Args:
+        xyz: (N, 3) places [m]; row 0 is the ego.
+        yaw: (N,) [rad].
+        velocity: (N, 3) [m/s].
+        sizes: (N, 3) full length, width, height [m].
+        reach: [m].
+        level: [m].
+        horizon: How far to look ahead [s].
+    """
+    nearest, soonest = np.inf, np.inf
+    for k in range(1, len(xyz)):
+        if (
+            abs(xyz[k, 0] - xyz[0, 0]) < reach
+            and abs(xyz[k, 1] - xyz[0, 1]) < reach
+            and abs(xyz[k, 2] - xyz[0, 2]) < level
+        ):
+            nearest, soonest = _with_one_more(k, xyz, yaw, velocity, sizes, horizon, nearest, soonest)
+    return nearest, soonest
+
+
+@kernel
+def _with_one_more(
+    k: int, xy: Floats, yaw: Floats, velocity: Floats, sizes: NDArray[np.float32], horizon: float,
+    nearest: float, soonest: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Distance and time to contact once actor `k` is looked at, too."""
+    dx, dy = xy[k, 0] - xy[0, 0], xy[k, 1] - xy[0, 1]
+    radii = 0.5 * (math.sqrt(sizes[0, 0] ** 2 + sizes[0, 1] ** 2) + math.sqrt(sizes[k, 0] ** 2 + sizes[k, 1] ** 2))
+    least = math.sqrt(dx * dx + dy * dy) - radii
+    if least < nearest + _ROUNDING:  # else it is farther than another
         nearest = min(nearest, _gap(dx, dy, yaw[0], yaw[k], sizes[0], sizes[k]))
-        vx, vy = velocity[k, 0] - velocity[0, 0], velocity[k, 1] - velocity[0, 1]
-        reach = 0.5 * (math.sqrt(sizes[0, 0] ** 2 + sizes[0, 1] ** 2) + math.sqrt(sizes[k, 0] ** 2 + sizes[k, 1] ** 2))
-        if math.sqrt(dx * dx + dy * dy) - reach > math.sqrt(vx * vx + vy * vy) * horizon:
-            continue
-        step = 0
-        while step * _STEP < min(horizon, soonest):
-            time = step * _STEP
-            if _gap(dx + vx * time, dy + vy * time, yaw[0], yaw[k], sizes[0], sizes[k]) <= 0.0:
-                soonest = time
-                break
-            step += 1
+    vx, vy = velocity[k, 0] - velocity[0, 0], velocity[k, 1] - velocity[0, 1]
+    if least > math.sqrt(vx * vx + vy * vy) * horizon:
+        return nearest, soonest
+    step = 0
+    while step * _STEP < min(horizon, soonest):
+        time = step * _STEP
+        if _gap(dx + vx * time, dy + vy * time, yaw[0], yaw[k], sizes[0], sizes[k]) <= 0.0:
+            return nearest, time
+        step += 1
     return nearest, soonest
 
 

@@ -17,7 +17,7 @@ from lavsim.map.route import Route
 from lavsim.map.town_map import TownMap
 from lavsim.types import DT
 from lavsim.world.snapshot import Snapshot
-from leaderboard.contact_time import nearest_contact
+from leaderboard.contact_time import nearest_contact_around
 from leaderboard.criteria.min_speed import MinSpeed
 from leaderboard.rules import get_rules
 
@@ -32,7 +32,6 @@ HORIZON = 1.5  # [s] contact foreseen within it is critical
 HARSH = 4.0  # [m/s²] of braking
 SPEEDING = 1.0  # [m/s] above the limit that are let pass
 LEVEL = 3.0  # [m] others farther above or below don't meet the ego
-_NEAR = np.array([RANGE, RANGE, LEVEL])
 MOST_EFFICIENT = 1000.0  # [%] larger percentages are dropped
 
 SAMPLE_EVERY = 2  # ticks: Bench2Drive samples at 10 Hz
@@ -110,12 +109,8 @@ class MetricsObserver:
         self._motion.append((ego.speed, float(motion[0]), float(motion[1]), float(motion[5])))
         self._places.append((ego.x, ego.y, ego.z))
         self._min_speed.update(snapshot)
-        xyz = snapshot.xyz
-        rows = np.flatnonzero((np.abs(xyz - xyz[0]) < _NEAR).all(axis=1))
-        if len(rows) < 2:
-            return
-        distance, time = nearest_contact(
-            xyz[rows, :2], snapshot.yaw[rows], snapshot.velocities[rows, :2], snapshot.sizes[rows, :2], HORIZON
+        distance, time = nearest_contact_around(
+            snapshot.xyz, snapshot.yaw, snapshot.velocities, snapshot.sizes, RANGE, LEVEL, HORIZON
         )
         self._distance = min(self._distance, distance)
         self._contact_time = min(self._contact_time, time)

@@ -1,10 +1,15 @@
-"""How far along its route the ego is, by the plane tests that the original criteria use."""
+"""Where the ego is: along its route, by the plane tests that the original criteria use, and far from what matters."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lavsim.map.route import Route
+
+SLACK = 0.1  # [m] far more than rounding: quick tests that spare an exact one leave this much
 
 
 class PlaneProgress:
@@ -36,3 +41,25 @@ class PlaneProgress:
         if passed:
             self.index = passed[-1]
         return passed
+
+
+class Clear:
+    """Says without looking at all of some points again that none is within reach.
+
+    Args:
+        x: (N,) of the points [m].
+        y: Likewise.
+        reach: [m].
+    """
+
+    def __init__(self, x: NDArray[np.float64], y: NDArray[np.float64], reach: float) -> None:
+        self._x, self._y, self._reach = x, y, reach
+        self._centre, self._radius = (0.0, 0.0), -1.0
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether surely no point is within reach of the ego at x, y [m]."""
+        if math.dist((x, y), self._centre) < self._radius:
+            return True
+        nearest = math.sqrt(float(np.min((self._x - x) ** 2 + (self._y - y) ** 2, initial=math.inf)))
+        self._centre, self._radius = (x, y), nearest - self._reach - SLACK
+        return self._radius > 0.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from lavsim.errors import LogError
+from lavsim.kernel import kernel
 from lavsim.log.predict import (
     CHANNELS,
     MOTION,
@@ -41,6 +42,9 @@ _EGO_WORDS = 11  # motion 6, control 5
 _WEATHER_WORDS = 10
 _DIGITS = 5  # residuals that a symbol has room for: 3^5 = 243 symbols
 _SURPRISE = 255  # the symbol of a tick whose residuals follow apart
+_OF_ROWS = ("rows", "pose", "velocity", "state", "xyz", "yaw", "velocities", "speeds", "sizes", "is_vehicle",
+            "is_background")  # fmt: skip
+_OF_TICKS = ("ego_motion", "control", "lights", "weather_values")
 _HEAD = struct.Struct("<HHB")  # rows, lights, whether angles and gait run in circles
 
 
@@ -138,6 +142,44 @@ class Block:
             hazards=hazards,
             agent_status=int(self.status[index]),
         )
+
+    def snapshots(self, table: ActorTable) -> Iterator[Snapshot]:
+        """All ticks in order.
+
+        Their rows lie one behind the other, so what follows from a row alone is computed for all of them at once; each
+        snapshot is handed its part.
+        """
+        row_ends, values = np.cumsum(np.count_nonzero(self.present, axis=1)), self.values[self.present]
+        whole = Snapshot(
+            tick=self.first,
+            table=table,
+            rows=np.broadcast_to(self.rows, self.present.shape)[self.present],
+            pose=np.ascontiguousarray(values[:, POSE]),
+            velocity=np.ascontiguousarray(values[:, VELOCITY]),
+            state=np.ascontiguousarray(values[:, STATE]),
+            ego_motion=np.ascontiguousarray(self.ego[:, :6]),
+            control=np.ascontiguousarray(self.ego[:, 6:]),
+            lights=self.lights,
+            contacts=self.contacts,
+            weather_values=self.weather,
+            hazards=self.hazards,
+        )
+        of_rows = {name: getattr(whole, name) for name in _OF_ROWS}
+        of_ticks = {name: getattr(whole, name) for name in _OF_TICKS}
+        row = contact = hazard = 0
+        for index, (row_end, contact_end, hazard_end, status) in enumerate(
+            zip(row_ends.tolist(), self.contact_ends.tolist(), self.hazard_ends.tolist(), self.status.tolist(),
+                strict=True)
+        ):  # fmt: skip
+            here = slice(row, row_end)
+            parts = {name: array[here] for name, array in of_rows.items()}
+            for name, array in of_ticks.items():
+                parts[name] = array[index]
+            parts["tick"], parts["table"], parts["agent_status"] = self.first + index, table, status
+            parts["contacts"] = self.contacts[contact:contact_end]
+            parts["hazards"] = self.hazards[hazard:hazard_end]
+            yield Snapshot.of_parts(parts)
+            row, contact, hazard = row_end, contact_end, hazard_end
 
 
 def encode_block(block: Block, table: ActorTable, starts: NDArray[np.int32]) -> bytes:
@@ -253,15 +295,31 @@ def _pack(residuals: NDArray[np.int32], channels: Sequence[int]) -> bytes:
     return symbols.astype(np.uint8).tobytes() + _planes(_zigzag(chosen[:, ~fits]))
 
 
-def _unpack(take: _Cursor, residuals: NDArray[np.int32], channels: Sequence[int]) -> None:
+def _unpack(take: _Cursor, residuals: NDArray[np.int32], channels: tuple[int, ...]) -> None:
     """Inverse of `_pack`; fills the channels."""
     symbols = take.array("u1", residuals.shape[0] * residuals.shape[1]).reshape(residuals.shape[:2])
-    apart = symbols == _SURPRISE
-    surprises = _unzigzag(take.planes((len(channels), int(np.count_nonzero(apart)))))
-    for number, channel in enumerate(channels):
-        if number < _DIGITS:
-            residuals[..., channel] = _DIGIT_OF[number][symbols]
-        residuals[apart, channel] = surprises[number]
+    surprises = _unzigzag(take.planes((len(channels), int(np.count_nonzero(symbols == _SURPRISE)))))
+    _fill(symbols, surprises, channels, _DIGIT_OF, residuals)
+
+
+@kernel
+def _fill(
+    symbols: NDArray[np.uint8], surprises: NDArray[np.int32], channels: tuple[int, ...], digits: NDArray[np.int32],
+    residuals: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Sets `channels` of `residuals` by the digits of each symbol, or by the next of the surprises."""
+    rows, ticks = symbols.shape
+    told = 0
+    for r in range(rows):
+        for t in range(ticks):
+            symbol = symbols[r, t]
+            if symbol == _SURPRISE:
+                for k in range(len(channels)):
+                    residuals[r, t, channels[k]] = surprises[k, told]
+                told += 1
+            else:
+                for k in range(min(len(channels), _DIGITS)):
+                    residuals[r, t, channels[k]] = digits[k, symbol]
 
 
 def _digit_table() -> NDArray[np.int32]:

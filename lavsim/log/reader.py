@@ -88,9 +88,7 @@ class LogReader:
 
     def __iter__(self) -> Iterator[Snapshot]:
         for number in range(len(self._blocks)):
-            block = self._block(number)
-            for index in range(len(block)):
-                yield block.snapshot(index, self._table)
+            yield from self._block(number).snapshots(self._table)
 
     def at_tick(self, tick: int) -> Snapshot:
         """The snapshot of world tick `tick`.

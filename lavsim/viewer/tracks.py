@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,14 +115,35 @@ class Tracks:
         return np.array(found, np.float64).reshape(-1, 6)
 
 
+class _Tick(NamedTuple):
+    """What is taken of a snapshot."""
+
+    tick: int
+    rows: NDArray[np.int32]
+    pose: NDArray[np.int32]
+    velocity: NDArray[np.int32]
+    state: NDArray[np.int32]
+    ego_motion: NDArray[np.float32]
+    control: NDArray[np.float32]
+    lights: NDArray[np.uint8]
+    contacts: NDArray[np.void]
+    hazards: NDArray[np.void]
+    weather_values: NDArray[np.float32]
+
+
+_FIELDS = attrgetter(*_Tick._fields)
+
+
 def read_tracks(snapshots: Iterable[Snapshot]) -> Tracks:
     """The tracks of a drive, from its log or from memory.
 
     Args:
         snapshots: In order; the table of the last one must hold all actors.
     """
-    taken = list(snapshots)
-    table = taken[-1].table if taken else ActorTable.empty()
+    taken, table = [], ActorTable.empty()
+    for snapshot in snapshots:  # what was derived from them takes twice the room, and isn't kept
+        taken.append(_Tick(*_FIELDS(snapshot)))
+        table = snapshot.table
     count = np.array([len(s.rows) for s in taken], np.int64)
     rows = _joined([s.rows for s in taken], (0,), np.int32).astype(np.int64)
     tick = np.repeat(np.arange(len(taken)), count)
@@ -151,7 +174,7 @@ def _joined(parts: list[NDArray[np.int32]], empty: tuple[int, ...], dtype: type[
     return np.concatenate(parts) if parts else np.zeros(empty, dtype)
 
 
-def _contacts(snapshots: list[Snapshot]) -> Floats:
+def _contacts(snapshots: list[_Tick]) -> Floats:
     rows = [
         (index, int(c["a"]), int(c["b"]), float(c["impulse"]), c["x"] * LENGTH_UNIT, c["y"] * LENGTH_UNIT)
         for index, snapshot in enumerate(snapshots)
@@ -160,7 +183,7 @@ def _contacts(snapshots: list[Snapshot]) -> Floats:
     return np.array(rows, np.float64).reshape(-1, 6)
 
 
-def _hazard_spans(snapshots: list[Snapshot]) -> Ints:
+def _hazard_spans(snapshots: list[_Tick]) -> Ints:
     """Spans in which each hazard was active, by their beginning."""
     spans: list[list[int]] = []
     open_spans: dict[int, list[int]] = {}

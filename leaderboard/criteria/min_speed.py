@@ -47,9 +47,8 @@ class MinSpeed(Criterion):
     def update(self, snapshot: Snapshot) -> Sequence[Infraction]:
         ego = snapshot.ego
         self._where = snapshot.tick, place(snapshot)
-        background = snapshot.speeds[snapshot.is_background & snapshot.is_vehicle]
-        if len(background):
-            self._traffic += float(background.sum()) / len(background)
+        if (traffic := snapshot.traffic_speed) is not None:
+            self._traffic += traffic
             self._ego += ego.speed
         self._progress.advance(ego.x, ego.y)
         driven = float(self._distance[self._progress.index])

@@ -13,6 +13,7 @@ from lavsim.map.signal import Sign
 from lavsim.map.town_map import TownMap
 from lavsim.world.snapshot import EgoState, Snapshot
 from leaderboard.criteria.base import CRITERIA, Charge, Criterion, Infraction, place, place_text
+from leaderboard.progress import Clear
 
 _LEVEL = 3.0  # [m] signs farther above or below belong to another road
 
@@ -46,6 +47,10 @@ class StopSign(Criterion):
         self._is_first = self.rules.generation == "1.0"
         self._reach, self._scale = self.rules.require(self.reach), self.rules.require(self.scale)
         self._steps, self._facing = self.rules.require(self.steps), self.rules.require(self.facing)
+        self._centres = self._posts if self._is_first else self._boxes[:, :2]
+        # Lane points lie near the ego: how near a box is to them is tested later.
+        self._margin = self._reach if self._is_first else self._reach + 5.0
+        self._clear = Clear(self._centres[:, 0], self._centres[:, 1], self._margin)
         self._target: int | None = None
         self._stopped = self._entered = False
         self._last_failed: int | None = None
@@ -71,9 +76,9 @@ class StopSign(Criterion):
 
     def _find(self, ego: EgoState) -> int | None:
         """The first sign in the list that the ego comes to."""
-        centres = self._posts if self._is_first else self._boxes[:, :2]
-        margin = self._reach if self._is_first else self._reach + 5.0  # lane points lie near the ego: tested below
-        near = np.flatnonzero(np.hypot(centres[:, 0] - ego.x, centres[:, 1] - ego.y) < margin)
+        if self._clear.holds(ego.x, ego.y):
+            return None
+        near = np.flatnonzero(np.hypot(self._centres[:, 0] - ego.x, self._centres[:, 1] - ego.y) < self._margin)
         if not len(near) or (not self._is_first and ego.forward_speed < self._facing):
             return None
         under = self._town.nearest(np.array([[ego.x, ego.y, ego.z]]))

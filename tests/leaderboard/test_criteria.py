@@ -8,10 +8,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lavsim.geometry import forward, right, segments_cross
 from lavsim.types import DT, LaneType, LightState, Role
 from lavsim.world.snapshot import HAZARD_EMERGENCY_TEST, HAZARD_OWNS_TIMER, HAZARD_WRONG_LANE_OFF
 from leaderboard.criteria.base import COMPLETED, CRITERIA, criteria_of
@@ -25,7 +27,7 @@ from leaderboard.criteria.route_timeout import RouteTimeout
 from leaderboard.criteria.scenario_timeout import ScenarioTimeout
 from leaderboard.criteria.stop_sign import StopSign
 from leaderboard.criteria.yield_emergency import YieldEmergency
-from leaderboard.progress import PlaneProgress
+from leaderboard.progress import SLACK, Clear, PlaneProgress
 from leaderboard.rules import RULES, Rules
 from tests.leaderboard.worlds import V1, V20, Strip, StripTown, along, drive, ego_at, straight_route
 from tests.snapshots import EGO, Body
@@ -232,6 +234,32 @@ def test_red_light_stop_line_is_wider_in_2_0() -> None:
         snapshots = passing(lambda rear: LightState.RED, y=y)
         assert len(red_light(V1, snapshots)) == first
         assert len(red_light(V20, snapshots)) == second
+
+
+@given(
+    x=st.floats(STOP_X - 2.0, STOP_X + 6.0), y=st.floats(-3.0, 3.0), yaw=st.floats(-2.0, 2.0), turn=st.floats(-2.0, 2.0)
+)
+def test_the_quick_look_for_a_red_light_loses_nothing(x: float, y: float, yaw: float, turn: float) -> None:
+    ego, line = ego_at(x, y, yaw=yaw).ego, SimpleNamespace(x=STOP_X, y=0.0, yaw=turn, width=3.5)
+    back, half = -forward(ego.yaw), ego.length / 2.0
+    near, far = ego.xy + back * 0.8 * half, ego.xy + back * (half + 1.0)
+    middle, aside = np.array([STOP_X, 0.0]), right(turn) * 0.6 * 3.5
+    if math.cos(ego.yaw - turn) > 0.0 and segments_cross(near, far, middle - aside, middle + aside):
+        assert RedLight(V20)._is_behind(ego, line)
+
+
+@given(
+    points=st.lists(st.tuples(st.floats(-80, 80), st.floats(-80, 80)), max_size=4),
+    places=st.lists(st.tuples(st.floats(-60, 60), st.floats(-60, 60)), min_size=1, max_size=20),
+)
+def test_clear_is_only_said_where_no_point_is_within_reach(
+    points: list[tuple[float, float]], places: list[tuple[float, float]]
+) -> None:
+    x, y = np.array(points, np.float64).reshape(-1, 2).T
+    clear = Clear(x, y, 15.0)
+    for place in places:
+        nearest = min((math.dist(place, point) for point in points), default=math.inf)
+        assert clear.holds(*place) == (nearest > 15.0) or abs(nearest - 15.0) < 2.0 * SLACK
 
 
 def test_same_red_light_is_charged_again_only_after_another_one() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lavsim.types import DT
 from leaderboard.abilities import ABILITIES, is_success, run_metrics
-from leaderboard.contact_time import nearest_contact
+from leaderboard.contact_time import nearest_contact, nearest_contact_around
 from leaderboard.metrics import DriveMetrics, MetricsObserver, smoothness
 from leaderboard.score import RouteRecord, Scores
 from tests.leaderboard.worlds import Strip, StripTown, ego_at, straight_route
@@ -53,6 +53,24 @@ def test_time_to_contact_is_that_of_the_gap() -> None:
     assert contact([ego, ahead], [(5.0, 0.0), (0.0, 0.0)])[1] == math.inf, "beyond the horizon"
     assert contact([ego, (14.0, 4.0, 0.0, 4.0, 2.0)], [(10.0, 0.0), (0.0, 0.0)])[1] == math.inf, "passes beside it"
     assert contact([ego], [(10.0, 0.0)]) == (math.inf, math.inf)
+
+
+@given(st.lists(st.tuples(boxes, st.floats(-2, 2), st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=6))
+@settings(max_examples=100, deadline=None)
+def test_the_search_around_the_ego_leaves_out_those_beyond_alone(
+    actors: list[tuple[Box, float, float, float]],
+) -> None:
+    xyz = np.array([[*box[:2], z] for box, z, _, _ in actors])
+    yaw = np.array([box[2] for box, *_ in actors])
+    velocity = np.array([[vx, vy, 0.0] for *_, vx, vy in actors])
+    sizes = np.array([[*box[3:], 1.5] for box, *_ in actors], np.float32)
+    near = (np.abs(xyz - xyz[0]) < (15.0, 15.0, 1.0)).all(axis=1)
+    near[0] = True
+    expected = nearest_contact(xyz[near, :2], yaw[near], velocity[near, :2], sizes[near, :2], 1.5)
+    assert nearest_contact_around(xyz, yaw, velocity, sizes, 15.0, 1.0, 1.5) == expected
+    alone = [nearest_contact(xyz[[0, k], :2], yaw[[0, k]], velocity[[0, k], :2], sizes[[0, k], :2], 1.5)
+             for k in np.flatnonzero(near) if k > 0]  # fmt: skip
+    assert expected == tuple(np.min([*alone, (math.inf, math.inf)], axis=0))
 
 
 def observed(snapshots: list[Any], junction: int = -1) -> DriveMetrics:

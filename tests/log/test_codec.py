@@ -12,12 +12,21 @@ from lavsim.world.snapshot import Snapshot, quantise_poses, quantise_velocities
 from tests.log.made import assert_same, snapshot_at
 from tests.snapshots import Body, snapshot_of
 
+DERIVED = ("xyz", "yaw", "pitch", "velocities", "speeds", "sizes", "classes", "roles", "is_vehicle", "is_background")
+
 
 def assert_comes_back(snapshots: list[Snapshot], starts: np.ndarray) -> None:
     block, table = Block.of(snapshots), snapshots[-1].table
     again = decode_block(encode_block(block, table, starts), block.first, len(block), table, starts)
+    in_order = list(again.snapshots(table))
+    assert len(in_order) == len(snapshots)
     for index, before in enumerate(snapshots):
         assert_same(before, again.snapshot(index, table))
+        assert_same(before, in_order[index])
+        for name in DERIVED:
+            alone, together = getattr(before, name), getattr(in_order[index], name)
+            assert (alone.dtype, alone.tobytes()) == (together.dtype, together.tobytes()), name
+        assert before.ego == in_order[index].ego
 
 
 @given(seed=st.integers(0, 10_000), ticks=st.integers(1, 30), actors=st.integers(1, 12))
