@@ -50,7 +50,7 @@ def scenarios(
         list[str] | None,
         typer.Option("--range", metavar="NAME=LOW:HIGH", help="What a parameter may be; may be given again."),
     ] = None,
-    drives: Annotated[int, typer.Option(help="Budget: of a search, or of each certificate.")] = 40,
+    drives: Annotated[int | None, typer.Option(help="Budget: of a search (40), or of each certificate (60).")] = None,
     seed: Annotated[int, typer.Option(help="Of the candidates and the drives.")] = 0,
     seeds: Annotated[int, typer.Option(help="Seeds to certify each hazard under.")] = 1,
     one_each: Annotated[bool, typer.Option("--one-each", help="Certify one route of each type.")] = False,
@@ -85,8 +85,8 @@ def scenarios(
         _search(
             SearchConfig(
                 kind=search, agent=agent, out=out or Path("runs/search"), routes=routes, route_id=route_id, town=town,
-                ranges=tuple(ranges or ()), drives=drives, seed=seed, rules=rules, agent_config=agent_config,
-                workers=workers, overwrite=overwrite, town_path=towns,
+                ranges=tuple(ranges or ()), drives=40 if drives is None else drives, seed=seed, rules=rules,
+                agent_config=agent_config, workers=workers, overwrite=overwrite, town_path=towns,
             ),
             as_json,
         )  # fmt: skip
@@ -96,7 +96,8 @@ def scenarios(
         _certify(
             CertifyConfig(
                 what=certify, out=out or Path("runs/certify"), routes=routes, route_ids=route_id, seeds=seeds,
-                one_each=one_each, budget=drives, agent=agent, rules=rules, workers=workers, overwrite=overwrite,
+                one_each=one_each, budget=60 if drives is None else drives, agent=agent,
+                rules=rules, workers=workers, overwrite=overwrite,
                 town_path=towns,
             ),
             as_json,

@@ -1,11 +1,12 @@
 """Certifies hazards: each can be passed by somebody who knows what will come, and hurts whoever drives on blindly.
 
 The search is best-first over plans (`leaderboard.search.manoeuvres`): what failed farthest along the route is driven
-again with one more step where it failed; every third drive goes back to the first plan, so that no dead end takes all.
+again with one more step where it failed; every second drive goes back to the first plan, so that no dead end takes all.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,15 +20,17 @@ from leaderboard.hazard_maker import find_type
 from leaderboard.routes import RouteEntry, read_routes, route_files, select_routes
 from leaderboard.rules import get_rules
 from leaderboard.search.ground import RULES, Ground
-from leaderboard.search.manoeuvres import Plan, children, plan_text
+from leaderboard.search.manoeuvres import Plan, Shift, children, plan_text
 from leaderboard.search.privileged import BLIND, PlanDrive, drive_plan
 from leaderboard.search.store import Store
 
 SCHEMA = 1
-BUDGET = 30  # drives for a hazard and a seed
-_BACK_EVERY = 3
+BUDGET = 60  # drives for a hazard and a seed
+_BACK_EVERY = 2
 _LANE = 3.5  # [m]
+_SIGNALS = ("red_light", "stop_infraction")  # nobody may go round them
 _LATE = ("outside_route_lanes",)  # told at the end of the drive: where it was is not known
+_MOST_STEPS = 4  # of a plan
 _FARTHER = 2.0  # [m] that a plan must come farther to be worth changing
 ALL = "all"
 
@@ -211,25 +214,36 @@ class _Node:
     drive: PlanDrive
     left: list[Plan]
 
+    @staticmethod
+    def of(drive: PlanDrive) -> _Node:
+        signal = drive.infraction in _SIGNALS
+        return _Node(drive, children(drive.plan, drive.place, _LANE, drive.stands, drive.begun_at, signal))
+
 
 def _search(first: PlanDrive, drive: Callable[[Plan], PlanDrive]) -> Iterator[PlanDrive]:
     """Drives plan after plan until nobody asks for more, or none is left."""
-    nodes = [_Node(first, children(first.plan, first.place, _LANE, first.stands))]
-    known = {first.plan}
-    count = 0
-    while any(node.left for node in nodes):
-        open_nodes = [node for node in nodes if node.left]
-        best = max(open_nodes, key=lambda node: node.drive.place)  # of equal ones the earliest
-        node = open_nodes[0] if count % _BACK_EVERY == _BACK_EVERY - 1 else best
+    nodes = [_Node.of(first)]
+    known, lost = {first.plan}, set[float]()  # plans driven; shifts that only leave the route's lanes
+    for count in itertools.count():
+        unused = [node for node in nodes if node.left]
+        if not unused:
+            return
+        goes_back = count % _BACK_EVERY == _BACK_EVERY - 1
+        node = unused[0] if goes_back else max(unused, key=lambda node: node.drive.place)  # of equal ones the earliest
         plan = node.left.pop(0)
-        if plan in known:
+        if plan in known or _shifts(plan) & lost:
             continue
         known.add(plan)
-        count += 1
         tried = drive(plan)
         yield tried
-        if tried.infraction not in _LATE and tried.place > node.drive.place + _FARTHER:
-            nodes.append(_Node(tried, children(plan, tried.place, _LANE, tried.stands)))
+        if tried.infraction in _LATE:
+            lost |= _shifts(plan)
+        elif tried.place > node.drive.place + _FARTHER and len(plan) < _MOST_STEPS:
+            nodes.append(_Node.of(tried))
+
+
+def _shifts(plan: Plan) -> set[float]:
+    return {step.offset for step in plan if isinstance(step, Shift)}
 
 
 def _tasks(config: CertifyConfig) -> Iterator[Task]:

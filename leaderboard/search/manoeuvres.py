@@ -29,6 +29,8 @@ BRAKING = 3.5  # [m/s²] that it begins to brake at
 FULL = 7.5  # [m/s²] of a brake pressed all the way
 RESTS = 0.1  # [m/s]
 _WINDOW = 10  # route points ahead in which the ego's nearest is sought
+_SAME = 15.0  # [m] between steps that are meant for the same
+_FINE = (1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 7.3, 8.7, 9.5, 10.3, 11.1, 12.4, 13.3, 14.2, 16.0, 17.1, 18.3)  # [s]
 _CREEP = 1.5  # [m/s] at least that a guard expects the ego to drive
 _ROOM = np.array([3.0, 0.5], dtype=np.float32)  # [m] that a guard adds to the ego's length and width
 _GAIN = 0.3  # brake for each m/s too fast
@@ -44,7 +46,7 @@ class Wait:
     seconds: float
 
     def __str__(self) -> str:
-        return f"waits {self.seconds:g} s"
+        return f"waits {self.seconds:g} s at {self.at:.0f} m"
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Slow:
     speed: float
 
     def __str__(self) -> str:
-        return f"slows to {self.speed:g} m/s"
+        return f"slows to {self.speed:g} m/s from {max(self.begin, 0.0):.0f} to {self.end:.0f} m"
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ class Shift:
     offset: float
 
     def __str__(self) -> str:
-        return f"passes {abs(self.offset):.1f} m to the {'right' if self.offset > 0 else 'left'}"
+        side = "right" if self.offset > 0.0 else "left"
+        return f"drives {abs(self.offset):.1f} m to the {side} from {max(self.begin, 0.0):.0f} to {self.end:.0f} m"
 
 
 @dataclass(frozen=True)
@@ -183,7 +186,9 @@ class Pedals:
         return brake
 
 
-def children(plan: Plan, place: float, lane: float, stands: bool) -> list[Plan]:
+def children(
+    plan: Plan, place: float, lane: float, stands: bool, begun: float = math.inf, waits_only: bool = False
+) -> list[Plan]:
     """Plans that differ from `plan` by what may help at `place`, the likeliest first.
 
     Args:
@@ -191,20 +196,32 @@ def children(plan: Plan, place: float, lane: float, stands: bool) -> list[Plan]:
         place: Metres of the route.
         lane: Width of a lane [m].
         stands: Whether what was met there stood still.
+        begun: Metres of the route where the hazard was set off.
+        waits_only: Whether no other way helps, as before a red light.
     """
-    waits = [(Wait(place - gap, seconds),) for gap, seconds in _WAITS]
-    slow = [(Slow(place - 60.0, place + 15.0, speed),) for speed in (4.0, 2.0)]
-    around = [(Shift(place - 12.0, place + 25.0, side),) for side in (-lane, lane, -0.4 * lane, 0.4 * lane)]
-    long_way = [(Shift(place - 12.0, place + 70.0, side),) for side in (-lane, lane)]
-    gaps = [
-        (Wait(place - 12.0 - RAMP, seconds), Shift(place - 12.0, place + 25.0, -lane)) for seconds in (5.0, 12.0, 25.0)
-    ]
-    aside: list[Plan] = [*around, *gaps, *long_way]
+    aside: list[Plan] = [(Shift(place - 12.0, place + 25.0, side),) for side in (-lane, lane, -0.4 * lane, 0.4 * lane)]
+    for seconds in (5.0, 12.0, 25.0):
+        aside.append((Wait(place - 12.0 - RAMP, seconds), Shift(place - 12.0, place + 25.0, -lane)))
+    aside += [(Shift(place - 12.0, place + 70.0, side),) for side in (-lane, lane)]
+    aside += [(Shift(place - 30.0, place + 150.0, side),) for side in (0.25 * lane, -0.25 * lane)]
+    if begun < place:
+        aside += [(Shift(begun + 5.0 + RAMP, place + 60.0, side),) for side in (lane, -lane)]
     guards: list[Plan] = [] if any(isinstance(step, Guard) for step in plan) else [(Guard(2.0),), (Guard(4.0),)]
-    behind: list[Plan] = [*guards[:1], *waits[:4], *guards[1:], *waits[4:], *slow]
+    waits: list[Plan] = [(Wait(place - gap, seconds),) for gap, seconds in _WAITS]
+    slow: list[Plan] = [(Slow(place - 60.0, place + 15.0, speed),) for speed in (4.0, 2.0)]
+    behind = [*guards[:1], *waits[:4], *guards[1:], *waits[4:], *slow]
+    if waits_only:
+        aside = []
     turns = zip_longest(aside, behind) if stands else zip_longest(behind, aside)
-    options = [option for turn in turns for option in turn if option is not None]
+    options = [option for turn in turns for option in turn if option is not None] + _timings(place)
     return [merged(plan, option) for option in options if not _clash(plan, option)]
+
+
+def _timings(place: float) -> list[Plan]:
+    """Plans that come to `place` later by little each, for gaps in a stream: rolling, and from a stop before it."""
+    rolling = [Slow(place - 22.0 - metres, place - 22.0, 4.0) for metres in (6.0, 12.0, 18.0, 24.0, 32.0, 40.0)]
+    standing = [Wait(place - 13.0, seconds) for seconds in _FINE]
+    return [(step,) for pair in zip_longest(standing, rolling) for step in pair if step is not None]
 
 
 def _clash(plan: Plan, option: Plan) -> bool:
@@ -214,9 +231,13 @@ def _clash(plan: Plan, option: Plan) -> bool:
 
 
 def merged(plan: Plan, steps: Plan) -> Plan:
-    """`plan` with `steps`, in the order of the route; guards first."""
-    both = list(dict.fromkeys((*plan, *steps)))
-    return tuple(sorted(both, key=_begin))
+    """`plan` with `steps` in the order of the route, guards first; a new step replaces one like it nearby."""
+    kept = [step for step in plan if not any(_replaces(new, step) for new in steps)]
+    return tuple(sorted((*kept, *steps), key=_begin))
+
+
+def _replaces(new: Step, old: Step) -> bool:
+    return type(new) is type(old) and (new == old or abs(_begin(new) - _begin(old)) < _SAME)
 
 
 def _begin(step: Step) -> float:

@@ -26,6 +26,7 @@ BLIND = "agents.baselines.blind"
 MOST_TICKS = 4800  # 240 s
 _EVERY = 4  # ticks between looks at the verdict
 _STILL = 0.5  # [m/s]
+_PATIENCE = 1400  # ticks of standing, 70 s, after which a plan leads nowhere
 _ENDED = "judged"
 
 
@@ -39,6 +40,7 @@ class PlanDrive:
         place: Where on the route that was [m]; its length for one that passed.
         stands: Whether what was met there stood still.
         begun: Tick at which the hazard was set off; -1: never.
+        begun_at: Where on the route that was [m]; inf: nowhere.
         tick: When it ended.
     """
 
@@ -47,6 +49,7 @@ class PlanDrive:
     place: float
     stands: bool
     begun: int
+    begun_at: float
     tick: int
 
     @property
@@ -80,9 +83,10 @@ class _Planned:
 class _Referee:
     """Ends a drive at its first infraction that counts, and notes what was met there."""
 
-    def __init__(self, criteria: CriteriaObserver, from_hazard: bool) -> None:
-        self._criteria, self._from_hazard, self._ticks = criteria, from_hazard, 0
-        self.begun, self.tick = -1, 0
+    def __init__(self, criteria: CriteriaObserver, pedals: Pedals, from_hazard: bool) -> None:
+        self._criteria, self._pedals, self._from_hazard, self._ticks = criteria, pedals, from_hazard, 0
+        self.begun, self.begun_at, self.tick = -1, math.inf, 0
+        self._stood = 0
         self.touched_speed = math.inf  # of who was touched first, before it was [m/s]
         self._before: Snapshot | None = None
 
@@ -95,9 +99,12 @@ class _Referee:
     def observe(self, snapshot: Snapshot) -> str | None:
         self._ticks, self.tick = self._ticks + 1, snapshot.tick
         if self.begun < 0 and len(snapshot.hazards):
-            self.begun = snapshot.tick
+            self.begun, self.begun_at = snapshot.tick, self._pedals.metres
         self._note_contact(snapshot)
         self._before = snapshot
+        self._stood = self._stood + 1 if snapshot.ego.speed < _STILL else 0
+        if self._stood >= _PATIENCE:
+            return _ENDED
         return _ENDED if self._ticks % _EVERY == 0 and self.found() is not None else None
 
     def found(self) -> str | None:
@@ -141,7 +148,7 @@ def drive_plan(
     pedals = Pedals(simulation.route, plan)
     driver = _Planned(handle, pedals, simulation)
     criteria = CriteriaObserver(rules)
-    referee = _Referee(criteria, from_hazard)
+    referee = _Referee(criteria, pedals, from_hazard)
     try:
         route_plan = shifted_plan(plan_of(simulation.route, simulation.town), simulation.route, simulation.town, plan)
         driver.start(route_plan, rules.plan_spacing)
@@ -156,5 +163,6 @@ def drive_plan(
         place=simulation.route.length if infraction is None else pedals.metres,
         stands=infraction == NOT_REACHED or referee.touched_speed < _STILL or bool(np.isinf(referee.touched_speed)),
         begun=referee.begun,
+        begun_at=referee.begun_at,
         tick=referee.tick,
     )
