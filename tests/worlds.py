@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from functools import cache
 
-from lavsim.map.opendrive import Geometry, LaneRecord, Network, Polynomial, RoadMark, RoadRecord, SectionRecord
+from lavsim.map.records import Geometry, LaneRecord, Network, Polynomial, RoadMark, RoadRecord, SectionRecord
 from lavsim.map.town_map import TownMap, build_town
 from lavsim.map.write import write_network
 from lavsim.towns.layout import Layout
@@ -94,7 +94,7 @@ def ring(radius: float = 60.0) -> TownMap:
 
 @cache
 def _ring(radius: float) -> TownMap:
-    from lavsim.map.opendrive import RoadLink
+    from lavsim.map.records import RoadLink
 
     half = math.pi * radius
     lanes = tuple(

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.map.lane import SectionShape
+from lavsim.map.section import SectionShape
 from lavsim.map.town_map import TownMap
 
 Floats = NDArray[np.float64]

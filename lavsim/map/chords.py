@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lavsim.kernel import kernel
 
 if TYPE_CHECKING:
-    from lavsim.map.lane import SectionShape
+    from lavsim.map.section import SectionShape
     from lavsim.map.town_map import TownMap
 
 Floats = NDArray[np.float64]

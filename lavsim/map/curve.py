@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.errors import MapError
-from lavsim.map.opendrive import Cubic, Geometry
+from lavsim.map.records import Cubic, Geometry
 
 Floats = NDArray[np.float64]
 

@@ -21,10 +21,13 @@ from numpy.typing import NDArray
 from lavsim.cache import cache_dir, replace_atomically
 from lavsim.errors import MapError
 from lavsim.map.junction import Junction, build_junction
-from lavsim.map.lane import LaneTable, RoadShape, build_lanes
+from lavsim.map.lane import LaneTable
+from lavsim.map.lane_build import build_lanes
 from lavsim.map.links import Report
-from lavsim.map.opendrive import Network, reference_origin
+from lavsim.map.opendrive import reference_origin
 from lavsim.map.parking import ParkingSlot, build_parking
+from lavsim.map.records import Network
+from lavsim.map.section import RoadShape
 from lavsim.map.signal import (
     LightGroup,
     Sign,
@@ -42,7 +45,23 @@ Floats = NDArray[np.float64]
 
 SCHEMA = 1
 MAGIC = b"lavsim town\n"
-CODE = ("curve", "derived", "junction", "lane", "links", "opendrive", "parking", "signal")  # modules behind the data
+CODE = (  # modules behind the data
+    "conflicts",
+    "curve",
+    "derived",
+    "junction",
+    "lane",
+    "lane_build",
+    "links",
+    "opendrive",
+    "parking",
+    "pieces",
+    "records",
+    "section",
+    "signal",
+    "speed_limits",
+    "turns",
+)
 _log = logging.getLogger(__name__)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from lavsim.map.lane import DRIVABLE, LaneTable
-from lavsim.map.opendrive import JunctionRecord
+from lavsim.map.records import JunctionRecord
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lavsim.map.opendrive import ObjectRecord, RoadRecord, SignalRecord, SignalReference, Validity
+from lavsim.map.records import ObjectRecord, RoadRecord, SignalRecord, SignalReference, Validity
 from lavsim.map.signal import LANDMARK_SHIFT, LIGHT_TYPES, SPEED_TYPE, object_side, speed_of
 from lavsim.types import LaneType
 
 if TYPE_CHECKING:
-    from lavsim.map.lane import RoadShape
+    from lavsim.map.section import RoadShape
     from lavsim.map.town_map import TownMap, Waypoint
 
 ORIENTATIONS = {"+": "Positive", "-": "Negative"}

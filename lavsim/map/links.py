@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.map.opendrive import LaneRecord, Network, RoadLink, RoadRecord
+from lavsim.map.records import LaneRecord, Network, RoadLink, RoadRecord
 
 DRIVEN = ("driving", "bidirectional", "entry", "exit", "offRamp", "onRamp")  # whose links are looked after
 FARTHEST = 10.0  # [m] a link over a wider gap is a mistake

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.map.lane import RoadShape
-from lavsim.map.opendrive import Network, ObjectRecord
+from lavsim.map.records import Network, ObjectRecord
+from lavsim.map.section import RoadShape
 from lavsim.map.signal import outline_in_world
 
 MOST_SLOTS = 20_000

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.errors import MapError
-from lavsim.map.lane import LaneTable, RoadShape
-from lavsim.map.opendrive import SPEED_UNITS, JunctionRecord, Network, ObjectRecord, RoadRecord, SignalRecord, Validity
+from lavsim.map.lane import LaneTable
+from lavsim.map.records import SPEED_UNITS, JunctionRecord, Network, ObjectRecord, RoadRecord, SignalRecord, Validity
+from lavsim.map.section import RoadShape
 from lavsim.types import LaneType
 
 LIGHT_TYPES = {"1000001", "1000002", "1000009", "1000010", "1000011", "1000012", "1000013"}

@@ -20,10 +20,12 @@ from lavsim.map.chords import Chords, build_chords
 from lavsim.map.derived import TownData, derive, load, road_shapes, save
 from lavsim.map.junction import Junction
 from lavsim.map.landmark import Landmark, build_landmarks, landmarks_ahead
-from lavsim.map.lane import LaneTable, RoadShape, SectionShape
+from lavsim.map.lane import LaneTable
 from lavsim.map.lane_index import LaneIndex, centre_points
-from lavsim.map.opendrive import Network, RoadMark, read_bytes, read_network
+from lavsim.map.opendrive import read_bytes, read_network
 from lavsim.map.parking import ParkingSlot
+from lavsim.map.records import Network, RoadMark
+from lavsim.map.section import RoadShape, SectionShape
 from lavsim.map.signal import LightGroup, Sign, TrafficLight, is_stop_line, outline_in_world
 from lavsim.types import LaneType
 

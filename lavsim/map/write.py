@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from lxml import etree
 
-from lavsim.map.opendrive import (
+from lavsim.map.records import (
     ControllerRecord,
     Cubic,
     Geometry,

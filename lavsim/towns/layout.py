@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from lavsim.map.opendrive import Geometry, Network
+from lavsim.map.records import Geometry, Network
 from lavsim.towns.pen import Pen, Place, wrap
 from lavsim.towns.section import CrossSection
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from lavsim.map.opendrive import (
+from lavsim.map.records import (
     ConnectionRecord,
     ControllerRecord,
     JunctionRecord,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from lavsim.map.opendrive import Geometry
+from lavsim.map.records import Geometry
 
 Place = tuple[float, float, float]  # x, y [m], heading [rad]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from lavsim.map.opendrive import LaneRecord, Polynomial, RoadMark
+from lavsim.map.records import LaneRecord, Polynomial, RoadMark
 
 NO_MARK = RoadMark(0.0, "none", "white", 0.0, "none")
 CURB = RoadMark(0.0, "curb", "white", 0.15, "none")

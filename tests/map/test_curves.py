@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from lavsim.geometry import right
 from lavsim.map.curve import CubicCurve, Spiral
-from lavsim.map.opendrive import Cubic
+from lavsim.map.records import Cubic
 from lavsim.map.town_map import TownMap
 from tests.map.xodr import WIDTH, lanes, road, town
 

@@ -74,10 +74,10 @@ CASES = {
 @pytest.mark.parametrize("name", sorted(CASES))
 def test_what_is_too_much_is_refused_in_time(name: str) -> None:
     make, message = CASES[name]
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(MapError, match=message):
         make()
-    assert time.perf_counter() - start < 10.0
+    assert time.process_time() - start < 10.0
 
 
 def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
@@ -132,9 +132,9 @@ def test_thousands_of_mutated_maps_raise_nothing_but_map_errors(seed: int) -> No
 def test_nearest_in_a_map_of_two_far_roads_takes_no_time(point: tuple[float, float]) -> None:
     far = build(*(road(k, 9, winding(9, "<line/>").replace('y="0"', f'y="{y}"')) for k, y in ((1, -9e5), (2, 9e5))))
     far.nearest([(0.0, 0.0)])
-    start = time.perf_counter()
+    start = time.process_time()
     hit = far.nearest([point])
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
     assert hit.lane[0] in (0, 1)
 
 

@@ -10,7 +10,7 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.map.opendrive import (
+from lavsim.map.records import (
     Geometry,
     LaneRecord,
     Network,
