@@ -30,7 +30,8 @@ FULL = 7.5  # [m/s²] of a brake pressed all the way
 RESTS = 0.1  # [m/s]
 _WINDOW = 10  # route points ahead in which the ego's nearest is sought
 _SAME = 15.0  # [m] between steps that are meant for the same
-_FINE = (1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 7.3, 8.7, 9.5, 10.3, 11.1, 12.4, 13.3, 14.2, 16.0, 17.1, 18.3)  # [s]
+# [s] in an order that spreads them: a red light of 5 s may swallow the short ones
+_FINE = (7.3, 2.0, 8.7, 4.0, 10.3, 6.0, 9.5, 3.0, 11.1, 1.0, 12.4, 5.0, 13.3, 14.2, 16.0, 17.1, 18.3)
 _CREEP = 1.5  # [m/s] at least that a guard expects the ego to drive
 _ROOM = np.array([3.0, 0.5], dtype=np.float32)  # [m] that a guard adds to the ego's length and width
 _GAIN = 0.3  # brake for each m/s too fast
@@ -220,7 +221,7 @@ def children(
 def _timings(place: float) -> list[Plan]:
     """Plans that come to `place` later by little each, for gaps in a stream: rolling, and from a stop before it."""
     rolling = [Slow(place - 22.0 - metres, place - 22.0, 4.0) for metres in (6.0, 12.0, 18.0, 24.0, 32.0, 40.0)]
-    standing = [Wait(place - 13.0, seconds) for seconds in _FINE]
+    standing = [Wait(place - 20.0, seconds) for seconds in _FINE]  # room to gather speed before the stream
     return [(step,) for pair in zip_longest(standing, rolling) for step in pair if step is not None]
 
 
