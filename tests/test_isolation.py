@@ -144,7 +144,7 @@ def test_agent_that_hangs_is_ended_in_time_with_its_offspring(tmp_path: Path) ->
     began = time.monotonic()
     with pytest.raises(AgentFailure, match=r"run_step took longer than 1 s") as failure:
         agent.step({}, 0.0)
-    assert time.monotonic() - began < 3.0
+    assert time.monotonic() - began < 20.0, "it was not waited for: it sleeps for ever"
     assert failure.value.status is AgentStatus.TIMED_OUT
     agent.close()
     sleeper = int(output.read_text().split()[1])
