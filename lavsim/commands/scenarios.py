@@ -12,10 +12,11 @@ import typer
 
 from lavsim.commands.base import AsJson, TownPath, app, print_list, summary_of, towns_at
 from lavsim.commands.progress import Shares
-from lavsim.errors import ConfigError
+from lavsim.errors import ConfigError, OutputError
 
 if TYPE_CHECKING:
     from leaderboard.search.certificate import CertifyConfig
+    from leaderboard.search.ground import Ground
     from leaderboard.search.search import SearchConfig
 
 ScenarioPath = Annotated[
@@ -40,7 +41,10 @@ def scenarios(
             "--certify", metavar="TYPE|FILE|all", help="Show that hazards can be passed and can't be ignored."
         ),
     ] = "",
-    count: Annotated[int, typer.Option(help="Places to list at most.")] = 20,
+    vary: Annotated[
+        str, typer.Option("--vary", metavar="TYPE", help="Write a route file of a hazard with drawn values.")
+    ] = "",
+    count: Annotated[int, typer.Option(help="Places to list at most, or variations to draw.")] = 20,
     agent: Annotated[str, typer.Option(help="Who is searched, or tried last by --certify.")] = "",
     agent_config: Annotated[str | None, typer.Option(help="Handed to the agent's setup.")] = None,
     routes: Annotated[str, typer.Option(help="Route file with the hazard: a name or a path.")] = "hazards",
@@ -56,7 +60,9 @@ def scenarios(
     one_each: Annotated[bool, typer.Option("--one-each", help="Certify one route of each type.")] = False,
     rules: Annotated[str | None, typer.Option(help="What is judged by; 1.0, or 2.1 for hazards of 2.x.")] = None,
     workers: Annotated[int, typer.Option(help="Processes that drive side by side; the results are the same.")] = 1,
-    out: Annotated[Path | None, typer.Option(help="Folder of the search; one begun there is gone on with.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the search, where one is gone on with; or file of the variations.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is in the folder.")] = False,
     scenario_path: ScenarioPath = None,
     town_path: TownPath = None,
@@ -66,7 +72,7 @@ def scenarios(
     from lavsim.scenarios.skeleton import write_skeleton
     from lavsim.scenarios.user_files import use_folders
 
-    given = {"--suggest": suggest[0], "--new": new, "--search": search, "--certify": certify}
+    given = {"--suggest": suggest[0], "--new": new, "--search": search, "--certify": certify, "--vary": vary}
     asked = [name for name, value in given.items() if value]
     if len(asked) > 1:
         raise ConfigError(f"give one of {', '.join(asked)}.")
@@ -90,6 +96,14 @@ def scenarios(
             ),
             as_json,
         )  # fmt: skip
+    elif vary:
+        from leaderboard.search.ground import find_ground
+
+        target = out or Path("variations.xml")
+        if target.exists() and not overwrite:
+            raise OutputError(f"{target} is there already; --overwrite replaces it.")
+        ground = find_ground(vary, routes, route_id, town, towns)
+        print_list(_vary(ground, tuple(ranges or ()), count, seed, target), as_json)
     elif certify:
         from leaderboard.search.certificate import CertifyConfig
 
@@ -104,6 +118,21 @@ def scenarios(
         )  # fmt: skip
     else:
         print_list(_types(), as_json)
+
+
+def _vary(ground: Ground, texts: tuple[str, ...], count: int, seed: int, target: Path) -> list[dict[str, Any]]:
+    """Writes variations of a hazard and returns a row for each."""
+    from leaderboard.record import write_text
+    from leaderboard.route_writer import write_routes
+    from leaderboard.search.ranges import ranges_of
+    from leaderboard.search.variations import variations
+
+    hazard = ground.hazard
+    drawn = list(
+        variations(ground, ranges_of(hazard.generation, hazard.type, texts, dict(hazard.parameters)), count, seed)
+    )
+    write_text(target, write_routes([each.entry for each in drawn], ground.entry.traffic).decode())
+    return [{"route": each.number, **each.values} for each in drawn]
 
 
 def _search(config: SearchConfig, as_json: bool) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lavsim.agent import AgentSpec, find_agent
-from lavsim.errors import ConfigError, ScenarioError
+from lavsim.errors import ConfigError
 from lavsim.executor import make_executor
 from lavsim.random import Draws
 from leaderboard.drive import DriveTask, Tick
@@ -21,13 +21,13 @@ from leaderboard.rules import Rules, get_rules
 from leaderboard.run import LOGS
 from leaderboard.search.cross_entropy import POPULATION, Belief, belief_before
 from leaderboard.search.ground import RULES, Ground, find_ground
-from leaderboard.search.ranges import Range, ranges_of, values_at
+from leaderboard.search.ranges import Range, ranges_of
 from leaderboard.search.store import Store
 from leaderboard.search.trial import Trial, TrialTask, lost_trial, run_trial
+from leaderboard.search.variations import draw_variation
 
 FOUND = "found.xml"
 SCHEMA = 1
-ATTEMPTS = 50  # draws of a candidate until one can stand on the route
 
 
 @dataclass(frozen=True)
@@ -170,16 +170,8 @@ class Search:
                 yield self._task(number, belief)
 
     def _task(self, number: int, belief: Belief) -> TrialTask:
-        reason: str | None = None
-        for attempt in range(ATTEMPTS):
-            point = tuple(belief.draw(self._draws, number, attempt).tolist())
-            values = values_at(self.ranges, point)
-            entry = self.ground.with_values(values, str(number))
-            reason = self.ground.refusal(entry)
-            if reason is None:
-                return TrialTask(number, attempt, point, values, self._drive(number, entry))
-        ranges = ", ".join(map(str, self.ranges))
-        raise ScenarioError(f"no values of {ranges} can stand on {self.ground.entry.source}: {reason}")
+        drawn = draw_variation(self.ground, self.ranges, belief, self._draws, number)
+        return TrialTask(number, drawn.attempts, drawn.point, drawn.values, self._drive(number, drawn.entry))
 
     def _drive(self, number: int, entry: RouteEntry) -> DriveTask:
         config = self.config

@@ -14,6 +14,7 @@ from lavsim.cli import main
 from lavsim.errors import AgentError, LavsimError, OutputError
 from leaderboard.drive import Tick
 from leaderboard.evaluator import EvaluationConfig, evaluate
+from leaderboard.route_check import check_routes
 from leaderboard.route_writer import write_routes
 from leaderboard.routes import RouteEntry, read_routes
 from leaderboard.search import search as module
@@ -131,6 +132,20 @@ def test_a_range_of_values_that_cannot_stand_there_is_refused(routes: Path, tmp_
     Search(config(routes, tmp_path / "both", ranges=(f"distance=25:{inside}",), drives=1))
 
 
+def test_variations_are_drawn_from_their_ranges_and_stand_in_a_file_that_loads(routes: Path, tmp_path: Path) -> None:
+    def vary(name: str, *more: str) -> list[float | str]:
+        given = ["--routes", str(routes), "--range", "distance=20:30", "--out", str(tmp_path / name), *more]
+        assert main(["scenarios", "--vary", "DynamicObjectCrossing", *given]) == 0
+        return [entry.scenarios[0].parameters["distance"] for entry in read_routes(tmp_path / name)]
+
+    first = vary("a.xml", "--count", "5")
+    assert len(set(first)) == 5
+    assert all(20.0 <= float(value) <= 30.0 for value in first)
+    assert vary("b.xml", "--count", "3") == first[:3]
+    assert vary("c.xml", "--count", "5", "--seed", "1") != first
+    assert check_routes(tmp_path / "a.xml") == []
+
+
 def test_a_trigger_is_moved_along_the_route(routes: Path) -> None:
     ground = find_ground("DynamicObjectCrossing", str(routes))
     moved = ground.with_values({"trigger": 12.0}, "0").scenarios[0].trigger
@@ -190,6 +205,8 @@ def test_an_agent_that_cannot_be_set_up_ends_the_search(routes: Path, tmp_path: 
         (["--search", "Accident", "--agent", BLIND, "--routes", "quik"], ["quik", "quick"]),
         (["--search", "Accident", "--agent", BLIND, "--route-id", "0"], ["Accident", "route 0"]),
         (["--search", "Accident", "--certify", "all"], ["--search", "--certify"]),
+        (["--vary", "Acident"], ["Acident", "'Accident'"]),
+        (["--vary", "Accident", "--count", "0"], ["count", "0"]),
         (["--certify", "Acident"], ["Acident", "'Accident'"]),
         (["--certify", "nowhere.xml"], ["nowhere.xml"]),
         (["--certify", "Accident", "--seeds", "0"], ["seeds", "0"]),
