@@ -15,6 +15,7 @@ from torch.nn import functional
 from agents.lav.config import SegmentationConfig
 from lavsim.types import Tag
 
+_LEAST_SPREAD = 0.02
 # What a pixel can be, in the order of the scores; everything else is background.
 CLASSES = ("background", "pedestrian", "lane mark", "road", "vehicle")
 TAG_OF_CLASS = (None, Tag.PEDESTRIAN, Tag.ROAD_LINE, Tag.ROAD, Tag.VEHICLE)
@@ -24,8 +25,8 @@ def make_segmentation(config: SegmentationConfig, classes: int = len(CLASSES)) -
     """The network that a configuration names: (B, 3, H, W) in -1..1 to logits (B, classes, H, W)."""
     if config.network == "erfnet":
         return ErfNet(config, classes)
-    widths = config.widths
-    return UNet(widths, classes, stem_stride=2 if config.network == "light" else 1)
+    is_light = config.network == "light"
+    return UNet(config.widths, classes, stem_stride=2 if is_light else 1, evens_out=is_light)
 
 
 def classes_of_tags(tags: Tensor) -> Tensor:
@@ -36,6 +37,11 @@ def classes_of_tags(tags: Tensor) -> Tensor:
             table[int(tag)] = number
     found: Tensor = table[tags.long()]
     return found
+
+
+def in_unit_range(images: Tensor) -> Tensor:
+    """-1..1 of bytes (..., 3, H, W)."""
+    return images.float() / 127.5 - 1.0
 
 
 class ErfNet(nn.Module):
@@ -115,18 +121,22 @@ class UNet(nn.Module):
     Args:
         widths: Channels of the levels, finest first.
         classes: Of a pixel.
-        stem_stride: 1, or 2 to work at half the resolution and draw the answer up again.
+        evens_out: Whether every image is first brought to one mean and spread: nights are dark.
+        stem_stride: 1, or 2 to work at half the resolution; each place then answers for the four pixels that it covers.
     """
 
-    def __init__(self, widths: tuple[int, ...], classes: int, stem_stride: int = 1) -> None:
+    def __init__(self, widths: tuple[int, ...], classes: int, stem_stride: int = 1, evens_out: bool = False) -> None:
         super().__init__()
-        self._scale = stem_stride
+        self._evens_out = evens_out
         self.stem = _conv(3, widths[0], stem_stride)
         self.down = nn.ModuleList(nn.Sequential(_conv(a, b, 2), _conv(b, b)) for a, b in pairwise(widths))
         self.up = nn.ModuleList(_conv(b + a, a) for a, b in zip(widths[-2::-1], widths[:0:-1], strict=True))
-        self.head = nn.Conv2d(widths[0], classes, 1)
+        self.head = nn.Sequential(nn.Conv2d(widths[0], classes * stem_stride**2, 1), nn.PixelShuffle(stem_stride))
 
     def forward(self, image: Tensor) -> Tensor:
+        if self._evens_out:
+            spread, mean = torch.std_mean(image, dim=(1, 2, 3), keepdim=True)
+            image = (image - mean) / (spread + _LEAST_SPREAD)
         levels = [self.stem(image)]
         for block in self.down:
             levels.append(block(levels[-1]))
@@ -135,8 +145,6 @@ class UNet(nn.Module):
             finer = levels.pop()
             x = block(torch.cat([functional.interpolate(x, size=finer.shape[2:], mode="nearest"), finer], dim=1))
         logits: Tensor = self.head(x)
-        if self._scale > 1:
-            logits = functional.interpolate(logits, size=image.shape[2:], mode="bilinear", align_corners=False)
         return logits
 
 

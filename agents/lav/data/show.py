@@ -1,0 +1,41 @@
+"""Sheets of small pictures, to be looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lavsim.dataset.reader import Dataset
+
+SHOWN = 12  # frames on a sheet
+_COLUMNS, _GAP = 6, 2  # [px]
+
+# Colours of the classes of `agents.lav.models.segmentation`: Cityscapes' hues.
+PALETTE = np.array([(40, 40, 40), (220, 20, 60), (250, 250, 120), (128, 64, 128), (40, 90, 200)], np.uint8)
+
+Image = NDArray[np.uint8]
+
+
+def unseen_frames(data: Dataset, count: int) -> list[tuple[int, int]]:
+    """Episode and frame of frames spread evenly over a dataset."""
+    return [data.locate(int(place)) for place in (np.arange(count) + 0.5) * len(data) / count]
+
+
+def column(images: Sequence[Image]) -> Image:
+    """Images (H, W, 3) of one width below each other."""
+    return np.concatenate(images)
+
+
+def sheet(cells: Sequence[Image], columns: int = _COLUMNS) -> Image:
+    """Cells (H, W, 3) of one size in rows, with gaps."""
+    height, width = cells[0].shape[:2]
+    rows = -(-len(cells) // columns)
+    across = min(columns, len(cells))
+    whole = np.full((rows * (height + _GAP) - _GAP, across * (width + _GAP) - _GAP, 3), 255, np.uint8)
+    for number, cell in enumerate(cells):
+        row, place = divmod(number, columns)
+        top, left = row * (height + _GAP), place * (width + _GAP)
+        whole[top : top + height, left : left + width] = cell
+    return whole
