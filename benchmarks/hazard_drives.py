@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.encounters import Encounters
 from lavsim.agent import AgentSpec, InProcessAgent, plan_of
 from lavsim.episode import EpisodeResult, run_episode
 from lavsim.executor import make_executor
@@ -24,7 +25,7 @@ from lavsim.map.route import Route
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite
 from lavsim.simulation import DriveSpec, Simulation
-from lavsim.types import ActorIds
+from lavsim.types import DT, ActorIds
 from lavsim.world.snapshot import Snapshot
 from leaderboard.criteria.base import Infraction
 from leaderboard.hazard_file import THROUGH_TRAFFIC, TRAFFIC
@@ -38,6 +39,10 @@ RULES = {"1.0": "1.0", "2.x": "2.1"}
 MOST_TICKS = 3600  # 180 s
 LOOK_EVERY = 5  # ticks between looks at whether a drive has told enough
 IGNORED = frozenset({"min_speed_infractions"})
+# 1.0 lets nobody off for passing a blocked lane on the other one, which is all that Scenario6 leaves.
+IGNORED_FOR = {"Scenario6": frozenset({"outside_route_lanes"})}
+SOON = 3.0  # [s]
+_HALF_SECOND = 10  # ticks
 YIELD = "yield_emergency_vehicle_infractions"
 _OTHER = re.compile(r" and id=(-?\d+) ")
 FIRST = int(ActorIds.SCENARIOS)
@@ -86,6 +91,9 @@ class Drive:
         begun: Tick at which the hazard was set off; -1: never.
         ticks: How long it was.
         through_traffic: Whether its hazard acts through background traffic.
+        encounters: Background vehicles that crossed the ego's way less than `SOON` before or after it; counted where
+            the hazard acts through them.
+        braking: Hardest braking of the ego, the mean of half a second [m/s²].
         aside: Where the ego was to the right of the route at each metre of it [mm], as far as it came.
     """
 
@@ -94,6 +102,8 @@ class Drive:
     begun: int
     ticks: int
     through_traffic: bool
+    encounters: int
+    braking: float
     aside: tuple[int, ...]
 
     @property
@@ -135,18 +145,23 @@ class Watch:
 
     def __init__(self, criteria: CriteriaObserver, task: Task) -> None:
         self.begun, self.xy = -1, list[NDArray[np.float64]]()
-        self._criteria, self._task = criteria, task
+        self._criteria, self._task, self._speeds = criteria, task, list[float]()
+        self._acts_through_traffic = task.entry.scenarios[0].type in THROUGH_TRAFFIC
+        self._encounters = Encounters()
 
     def start(self, simulation: Simulation) -> None:
         """Nothing to prepare."""
 
     def observe(self, snapshot: Snapshot) -> str | None:
         self.xy.append(snapshot.ego.xy)
+        self._speeds.append(snapshot.ego.speed)
+        if self._acts_through_traffic:
+            self._encounters.observe(snapshot)
         if self.begun < 0 and len(snapshot.hazards):
             self.begun = snapshot.tick
         if not self._task.brief or len(self.xy) % LOOK_EVERY:
             return None
-        so_far = self._drive(replace(self._criteria.verdict(), reached=True), ())
+        so_far = self._drive(replace(self._criteria.verdict(), reached=True))
         return "told enough" if so_far.is_hurt or (not self._task.with_hazard and so_far.infractions) else None
 
     def finish(self, result: EpisodeResult) -> None:
@@ -154,12 +169,22 @@ class Watch:
 
     def drive(self, route: Route) -> Drive:
         """How it went on `route`."""
-        return self._drive(self._criteria.verdict(), offsets(np.array(self.xy), route))
+        lost = -np.diff(self._speeds, prepend=self._speeds[:1]) / DT
+        times = self._encounters.times().values() if self._acts_through_traffic else ()
+        return replace(
+            self._drive(self._criteria.verdict()),
+            encounters=sum(time < SOON for time in times),
+            braking=round(float(np.convolve(lost, np.full(_HALF_SECOND, 1.0 / _HALF_SECOND)).max()), 2),
+            aside=offsets(np.array(self.xy), route),
+        )
 
-    def _drive(self, verdict: Verdict, aside: tuple[int, ...]) -> Drive:
-        found = tuple((i.key, i.tick, _other(i)) for i in verdict.infractions if i.key not in IGNORED)
-        kind = self._task.entry.scenarios[0].type
-        return Drive(verdict.reached, found, self.begun, len(self.xy), kind in THROUGH_TRAFFIC, aside)
+    def _drive(self, verdict: Verdict) -> Drive:
+        found = tuple((i.key, i.tick, _other(i)) for i in verdict.infractions if i.key not in self._ignored)
+        return Drive(verdict.reached, found, self.begun, len(self.xy), self._acts_through_traffic, 0, 0.0, ())
+
+    @property
+    def _ignored(self) -> frozenset[str]:
+        return IGNORED | IGNORED_FOR.get(self._task.entry.scenarios[0].type, frozenset())
 
 
 def _other(infraction: Infraction) -> int:

@@ -5,7 +5,7 @@ taken out and with it, and the expert with it, under the hazard's own rules (1.0
 an actor of the hazard (of background traffic, where it acts through that), fails to yield where that is the test, or
 does not come to the end. `--types`, `--seeds` and `--agents` choose less. What stands in FILE is not driven again
 unless the route's text has changed or `--code` names another commit. `--draw FILE` writes the route file: of a town's
-places for a type the first at which it hurts.
+places for a type the first at which the blind follower is clean without it and hurt with it under every seed.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from leaderboard.hazard_maker import find_type
 from leaderboard.route_writer import write_routes
 from leaderboard.routes import RouteEntry, read_routes
 
-PROOF_SEEDS = 3  # drives with the hazard that must hurt before a place is taken
 BY_DEVIATION = {"Scenario1", "ControlLoss"}  # they disturb the ego's control, which costs no infraction
+HARMLESS = "Scenario5"  # by the original's own numbers: its lead drives 17 m/s
 HEAD = (
     "| type | generation | towns | set off | blind, clean without | blind, hurt with | by | deviation [m] | "
     "expert, clean |\n|---|---|---|---|---|---|---|---|---|"
@@ -43,15 +43,17 @@ def tasks_of(entry: RouteEntry, seeds: int, agents: Sequence[str]) -> Iterator[T
             yield Task(entry, seed, EXPERT, brief=False)
 
 
-def proves(results: Results, entry: RouteEntry) -> bool:
+def proves(results: Results, entry: RouteEntry, seeds: int) -> bool:
     """Whether the blind follower is clean on a route without its hazard, and hurt with it where it acts by contact."""
     hazard = entry.scenarios[0]
+    if hazard.type in THROUGH_TRAFFIC:
+        return True
     list(results.run([Task(entry, 0, BLIND, with_hazard=False)]))
     if not results[Task(entry, 0, BLIND, with_hazard=False)].is_clean:
         return False
-    if hazard.type in BY_DEVIATION | THROUGH_TRAFFIC or not SCENARIOS[hazard.generation, hazard.type].acts:
+    if hazard.type in BY_DEVIATION | {HARMLESS} or not SCENARIOS[hazard.generation, hazard.type].acts:
         return True
-    for seed in range(PROOF_SEEDS):
+    for seed in range(seeds):
         list(results.run([Task(entry, seed, BLIND)]))
         if not results[Task(entry, seed, BLIND)].is_hurt:
             return False
@@ -131,13 +133,15 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="processes that drive")
     parser.add_argument("--failures", action="store_true", help="also tells of each drive that went wrong")
     parser.add_argument("--draw", type=Path, help="write the route file instead")
+    parser.add_argument("--keep", default="", help="with --draw: a file whose routes are kept where they prove it")
     parser.add_argument("--unproven", action="store_true", help="with --draw: take the first places unseen")
     arguments = parser.parse_args()
     kinds = [find_type(name) for name in arguments.types.split(",") if name] or None
     results = Results(arguments.out, arguments.code)
     if arguments.draw is not None:
-        good = None if arguments.unproven else lambda entry: proves(results, entry)
-        entries = list(hazard_routes(kinds, good))
+        good = None if arguments.unproven else lambda entry: proves(results, entry, arguments.seeds)
+        kept = read_routes(arguments.keep) if arguments.keep else ()
+        entries = list(hazard_routes(kinds, good, kept=kept))
         arguments.draw.write_bytes(write_routes(entries, TRAFFIC))
         print(f"{arguments.draw}  {len(entries)} routes")
         return

@@ -9,7 +9,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 
+from lavsim.map.planner import get_planner
 from lavsim.map.town_map import load_town, town_names
+from lavsim.scenarios.director import trigger_index
+from lavsim.scenarios.suggest import suggestion
 from lavsim.world.weather import WeatherKeyframe
 from leaderboard.hazard_maker import Stand, hazard_types, stands
 from leaderboard.route_maker import WEATHERS, entry_of
@@ -25,7 +28,10 @@ Good = Callable[[RouteEntry], bool]
 
 
 def hazard_routes(
-    kinds: Sequence[tuple[str, str]] | None = None, good: Good | None = None, tell: Callable[[str], None] = print
+    kinds: Sequence[tuple[str, str]] | None = None,
+    good: Good | None = None,
+    tell: Callable[[str], None] = print,
+    kept: Sequence[RouteEntry] = (),
 ) -> Iterator[RouteEntry]:
     """Routes for `kinds` (generation, type), all of ours if not given.
 
@@ -34,31 +40,47 @@ def hazard_routes(
         good: Takes or refuses a route; where a town has no good one among its first, the first is taken if no other
             town has one.
         tell: Is told of each type in which towns it stands.
+        kept: Routes of an older file, taken before others where their type would still stand there.
     """
     number = 0
     for place, (generation, kind) in enumerate(hazard_types() if kinds is None else kinds):
-        found = _entries(generation, kind, place, good)
+        old = [
+            entry for entry in kept if (entry.scenarios[0].generation, entry.scenarios[0].type) == (generation, kind)
+        ]
+        found = _entries(generation, kind, place, good, [new for entry in old if (new := _again(entry)) is not None])
         tell(f"{generation} {kind}: {', '.join(entry.town for entry in found)}")
         for entry in found:
             yield replace(entry, id=str(number))
             number += 1
 
 
-def _entries(generation: str, kind: str, place: int, good: Good | None) -> list[RouteEntry]:
-    """Routes of one type: towns are tried in turn, beginning with another one for each type.
+def _again(entry: RouteEntry) -> RouteEntry | None:
+    """An older route with the parameters that its hazard would have now; None where it would not be put there now."""
+    town, old = load_town(entry.town), entry.scenarios[0]
+    route = get_planner(town).trace(entry.keypoints)
+    index = trigger_index(route, old)
+    found = None if index is None else suggestion(town, route, index, old.type, old.generation, old.name)
+    return None if found is None else replace(entry, scenarios=(replace(old, parameters=found.spec.parameters),))
+
+
+def _entries(generation: str, kind: str, place: int, good: Good | None, kept: Sequence[RouteEntry]) -> list[RouteEntry]:
+    """Routes of one type: those kept, then towns are tried in turn, beginning with another one for each type.
 
     Where only one town has a place for it, as for what needs a motorway, both routes lead through that one.
     """
-    towns, taken, spare = town_names(), list[RouteEntry](), list[RouteEntry]()
+    towns, spare = town_names(), list[RouteEntry]()
+    taken = [entry for entry in kept if good is None or good(entry)][:TOWNS_A_TYPE]
     for offset in range(len(towns)):
         name = towns[(place + offset) % len(towns)]
+        if len(taken) == TOWNS_A_TYPE:
+            break
+        if any(entry.town == name for entry in taken):
+            continue
         entries = [_entry(name, stand, place) for stand in _stands(name, generation, kind)]
         fine = next((entry for entry in entries if good is None or good(entry)), None)
         if fine is not None:
             taken.append(fine)
         spare += [entry for entry in entries if entry is not fine]
-        if len(taken) == TOWNS_A_TYPE:
-            break
     return (taken + spare)[:TOWNS_A_TYPE]
 
 

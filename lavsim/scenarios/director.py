@@ -83,8 +83,9 @@ class Director:
         self._town, self._route, self._world, self._draws = town, route, world, draws
         self._route_id, self._progress, self._rules = route_id, progress, rules
         self._lights, self._light_owners, self._traffic, self._ego = lights, dict[int, int](), traffic, EgoHand()
-        prepared = (self._prepare(number, spec) for number, spec in enumerate(specs))
-        self._hazards = [hazard for hazard in prepared if hazard is not None]
+        self._count, self._hazards = 0, list[_Hazard]()
+        for spec in specs:
+            self.add(spec)
 
     @property
     def active(self) -> NDArray[np.void]:
@@ -115,6 +116,18 @@ class Director:
     def disturbance(self) -> tuple[float, float]:
         """What the scripts of this tick add to the ego's throttle and steer."""
         return self._ego.take()
+
+    def add(self, spec: ScenarioSpec) -> None:
+        """Takes in a hazard, before the drive or under way; its number is the next one.
+
+        Raises:
+            RouteError: it doesn't fit where its trigger is.
+            UnknownName: no such hazard.
+        """
+        hazard = self._prepare(self._count, spec)
+        self._count += 1
+        if hazard is not None:
+            self._hazards.append(hazard)
 
     def tick(self, route_point: NDArray[np.float64]) -> None:
         """Places what the ego comes near and runs every script by one tick.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
@@ -26,6 +27,7 @@ from lavsim.types import RoadOption
 from lavsim.world.snapshot import HAZARD_OWNS_TIMER
 
 _RED = 5.0  # [s] that the ego's light stays red at first
+_CROSSED, _JOINED = 12.0, 9.0  # [m/s] of streams that new files lay down: real ones have 8 to 17
 _END = 10.0  # [m] behind the junction
 _GAP = Interval(25.0, 50.0)  # [m]
 
@@ -70,6 +72,12 @@ class JunctionFlow(Scenario):
 
     def suits(self, site: Site) -> str | None:
         return self.fits(site) or no_turn(site, self.turn) or (no_light(site) if self.signalized else has_light(site))
+
+    @classmethod
+    def suggest(cls, site: Site) -> Mapping[str, Any] | None:
+        """A speed at which a driver of the town finds a gap; the default is that of a trunk road."""
+        speed = _JOINED if cls.joins else _CROSSED
+        return {"flow_speed": speed} if cls(JunctionFlowConfig(speed)).suits(site) is None else None
 
     def place(self, stage: Stage) -> None:
         junction = junction_ahead(stage.site)

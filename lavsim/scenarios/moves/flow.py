@@ -28,6 +28,7 @@ _MOST = 48  # vehicles at once
 _STANDING = 0.5  # [m/s] of an ego that is waited for
 _ON_LINE, _ALONG = 1.5, 0.9  # [m] of the ego from the line, cosine between their directions: it drives along it
 _MERGED = 40  # ticks after which an ego that drives along the line is part of the stream
+_SLOWED = 0.8  # of its speed: who is slower has braked for something and goes on minding it
 _ROOM = 7.0  # [m] between middles below which nobody appears, whatever the gap
 
 
@@ -140,7 +141,10 @@ class ActorFlow:
             yield
 
     def _keep_clear(self) -> None:
-        """Nobody runs into an ego that stands or has long merged; once one has touched something all keep clear."""
+        """Nobody runs into an ego that stands or has long merged; once one has touched something all keep clear.
+
+        Who has braked for the ego lets it go first when it sets off: else both would set off and stop again for ever.
+        """
         here = self._column.row >= 0
         if not self._keeps and (self._stage.world.touched[self._column.row[here]] >= 0).any():
             self._keeps = True
@@ -149,7 +153,9 @@ class ActorFlow:
         nearest = int(np.argmin(gaps))
         is_along = gaps[nearest] < _ON_LINE and np.cos(self.line.yaw[nearest] - ego.yaw) > _ALONG
         self._merged = self._merged + 1 if is_along else 0
-        self._column.keeps[:] = self._keeps or ego.speed < _STANDING or self._merged > _MERGED
+        forward = np.hypot(*self._stage.world.velocity[self._column.row, :2].T)
+        has_slowed = here & self._column.keeps & (forward < _SLOWED * self.speed)
+        self._column.keeps[:] = has_slowed | (self._keeps or ego.speed < _STANDING or self._merged > _MERGED)
 
     def _draw_gap(self) -> float:
         return float(self._draws.uniform(self._count, 1, *self._gap)[0])
