@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from agents.lav.data.points import Scores
 from agents.lav.data.true_paint import TrueScores
+from agents.lav.painted import PaintedScores
 from agents.lav.stages.base import StageInput
 from lavsim.dataset.reader import Dataset
 
@@ -14,6 +15,4 @@ def painted_scores(given: StageInput, data: Dataset) -> Scores | None:
         return None
     if given.config.training.painting == "truth":
         return TrueScores(data)
-    from agents.lav.painted import PaintedScores
-
     return PaintedScores(given.folders["painting"], data)
