@@ -22,6 +22,7 @@ OTHERS_WEIGHT = 0.5  # of others' loss in the end
 COMMAND_WEIGHT = 0.1
 SMOOTHING = 0.2  # of the command's label
 TURN_WEIGHT = (5.0, 5.0, 5.0, 1.0, 1.0, 1.0)  # turns are rare, and refinement would forget them
+DRIVEN_SHARE = 0.5  # of the refinements' loss, of the commanded branch alone
 LAMBDA_SHARE = 0.04  # of the run after which others count by a fifth: earlier, branches collapse to one
 
 
@@ -66,12 +67,18 @@ def teacher_loss(
 
 
 def _ego_loss(motions: Motions, batch: Batch) -> Tensor:
-    """The coarse branch of the command and all refinements of it; full stops have causes that labels don't show."""
+    """The coarse branch of the command and all refinements; full stops have causes that labels don't show.
+
+    All branches are refined towards the one future, as in the paper. The branch that is driven counts as much as all of
+    them: most have never met the scene of another command, and a small refiner spends itself on them.
+    """
     future = batch.futures[:, 0]
     weight = torch.tensor(TURN_WEIGHT)[batch.commands] * batch.plans
-    coarse = path_loss(chosen(motions.coarse[:, 0], batch.commands), future)
-    refined = path_loss(motions.refined, future[:, None, None])
-    each = coarse + (refined.mean(dim=(1, 2)) if refined.shape[1] else 0.0)
+    each = path_loss(chosen(motions.coarse[:, 0], batch.commands), future)
+    if motions.refined.shape[1]:
+        refined = path_loss(motions.refined, future[:, None, None])
+        driven = path_loss(chosen(motions.refined, batch.commands), future[:, None])
+        each = each + (1.0 - DRIVEN_SHARE) * refined.mean(dim=(1, 2)) + DRIVEN_SHARE * driven.mean(dim=1)
     return (each * weight).sum() / weight.sum().clamp(min=1.0)
 
 
