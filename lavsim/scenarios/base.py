@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.errors import ConfigError, ScenarioError
+from lavsim.errors import ConfigError, ScenarioError, UnknownName
 from lavsim.random import Draws
 from lavsim.registry import Registry
 from lavsim.scenarios.hands import EgoHand, FlagsHand, LightsHand, TrafficHand
@@ -188,7 +188,11 @@ def make_scenario(spec: ScenarioSpec) -> Scenario:
         UnknownName: no hazard of that type in that generation.
         ScenarioError: an unknown or ill-typed parameter.
     """
-    kind = SCENARIOS[spec.generation, spec.type]
+    try:
+        kind = SCENARIOS[spec.generation, spec.type]
+    except UnknownName as error:
+        error.args = (f"{spec.name} ({spec.type}): {error}",)
+        raise
     try:
         return kind(kind.Config(**parse_parameters(kind.Config, spec.parameters)))
     except (ConfigError, ScenarioError) as error:

@@ -1,10 +1,12 @@
 """The bundled file of hazards: every type in two towns, each where it can stand."""
 
+import re
 from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
+from lavsim.cli import main
 from lavsim.errors import LavsimError
 from lavsim.map.planner import get_planner
 from lavsim.map.town_map import load_town
@@ -61,6 +63,34 @@ def test_a_generation_or_profile_that_is_none_is_told(tmp_path: Path, route: str
     file.write_text(ROUTE.format(route=route, scenario=scenario))
     with pytest.raises(LavsimError, match=message):
         read_routes(file)
+
+
+PLACED = """<routes><route id="7" town="eu_small_a">
+<waypoints><position x="158.801" y="-362.748" z="0"/><position x="318.871" y="-372.016" z="0"/></waypoints>
+<scenarios><scenario name="crash_2" type="{type}"><trigger_point x="218.103" y="-364.591" z="0" yaw="354.536"/>
+{parameter}</scenario></scenarios></route></routes>"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameter", "message"),
+    [
+        ("Acident", "", r"crash_2 \(Acident\): no scenario '2.x:Acident'. Did you mean '2.x:Accident'\?"),
+        ("Accident", '<distanc value="3"/>', r"crash_2 \(Accident\): no parameter 'distanc'. Did you mean 'distance'"),
+        ("Accident", '<distance value="far"/>', r"crash_2 \(Accident\): distance must be a float, got 'far'"),
+        ("Accident", "", "scenario crash_2: Accident does not fit at .*: there is no lane to the left to pass it by"),
+    ],
+)
+def test_a_mistake_is_told_with_file_route_and_scenario(
+    kind: str, parameter: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before the run begins, in one line."""
+    file, out = tmp_path / "mine.xml", tmp_path / "out"
+    file.write_text(PLACED.format(type=kind, parameter=parameter))
+    status = main(["score", "--agent", "agents.idle", "--routes", str(file), "--out", str(out), "--rules", "2.1"])
+    text = capsys.readouterr().err
+    assert status == 2
+    assert re.search(rf"mine\.xml,? route 7.*{message}", text.replace("\n", " "))
+    assert text.count("\n") == 1
 
 
 def test_a_route_names_its_own_traffic_and_its_hazards_generation(tmp_path: Path) -> None:
