@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -161,7 +162,10 @@ def certify(config: CertifyConfig, on_done: OnDone | None = None) -> list[Certif
     executor = make_executor(config.workers)
     store = Store(config.out, _header(config, tasks), config.overwrite)
     for task in tasks:  # everything a user can get wrong is found before the first drive
-        Ground.of(task.entry, task.spec, config.town_path)
+        ground = Ground.of(task.entry, task.spec, config.town_path)
+        reason = ground.refusal(ground.entry)
+        if reason is not None:
+            raise RouteError(f"{task.entry.source}: {task.spec.name} can't stand there: {reason}")
     waiting = [task for task in tasks if task.index not in store.rows]
     for done in executor.run(certify_one, waiting):
         if done.result is not None:  # one whose process was lost is tried again when the search is gone on with
@@ -179,14 +183,13 @@ def certify_one(task: Task, report: Callable[[Any], None]) -> Certificate:
         return certificate
     ground = Ground.of(task.entry, spec, config.town_path)
     rules = get_rules(config.rules or RULES[spec.generation])
-    settings = {"town_path": config.town_path}
-    free = drive_plan(ground, task.seed, rules, with_hazard=False, settings=settings)
-    blind = drive_plan(ground, task.seed, rules, from_hazard=True, settings=settings)
+    drive = partial(drive_plan, ground, task.seed, rules, town_path=config.town_path)
+    free, blind = drive(with_hazard=False), drive(from_hazard=True)
     drives, passed = 2, None
     if blind.passed:
         passed = plan_text(())
     else:
-        for tried in _search(blind, lambda plan: drive_plan(ground, task.seed, rules, plan, settings=settings)):
+        for tried in _search(blind, drive):
             drives += 1
             if tried.passed:
                 passed = plan_text(tried.plan)
@@ -195,7 +198,7 @@ def certify_one(task: Task, report: Callable[[Any], None]) -> Certificate:
                 break
     if passed is None and config.agent:
         drives += 1
-        if drive_plan(ground, task.seed, rules, agent=config.agent, settings=settings).passed:
+        if drive(agent=config.agent).passed:
             passed = config.agent
     return replace(
         certificate,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -123,7 +123,7 @@ class _Referee:
 
 def drive_plan(
     ground: Ground, seed: int, rules: Rules, plan: Plan = (), agent: str = BLIND, with_hazard: bool = True,
-    from_hazard: bool = False, settings: Mapping[str, Any] | None = None,
+    from_hazard: bool = False, town_path: tuple[Path, ...] = (),
 ) -> PlanDrive:  # fmt: skip
     """Drives a plan until it has failed or passed.
 
@@ -135,15 +135,22 @@ def drive_plan(
         agent: Who follows the route; `BLIND` sees nobody.
         with_hazard: Whether the hazard is there.
         from_hazard: Whether only infractions from its trigger on count.
-        settings: Fields of the drive's spec to replace.
+        town_path: Folders with towns.
     """
     entry = ground.entry
-    fields: dict[str, Any] = {
-        "town": entry.town, "route_id": entry.id, "keypoints": entry.keypoints, "weather": entry.weather,
-        "scenarios": entry.scenarios if with_hazard else (), "seed": seed, "traffic": entry.traffic or "leaderboard",
-        "rules": rules.version, "generation": rules.generation,
-    }  # fmt: skip
-    simulation = Simulation(DriveSpec(**{**fields, **(settings or {})}))
+    spec = DriveSpec(
+        town=entry.town,
+        route_id=entry.id,
+        keypoints=entry.keypoints,
+        weather=entry.weather,
+        scenarios=entry.scenarios if with_hazard else (),
+        seed=seed,
+        traffic=entry.traffic or "leaderboard",
+        rules=rules.version,
+        generation=rules.generation,
+        town_path=town_path,
+    )
+    simulation = Simulation(spec)
     handle = InProcessAgent(AgentSpec(agent, generation=rules.generation))
     pedals = Pedals(simulation.route, plan)
     driver = _Planned(handle, pedals, simulation)

@@ -143,15 +143,14 @@ def test_the_noise_of_a_control_loss_can_be_ignored_on_a_straight_street(tmp_pat
 
 
 def test_a_support_type_is_said_to_be_one_without_a_drive(tmp_path: Path) -> None:
-    spec = replace(hazard("SequentialLaneChange", 30), type="PriorityAtJunction")
-    path = routes_with(tmp_path, spec)
+    path = routes_with(tmp_path, hazard("Scenario10", 30, "1.0"))
     (found,) = certify(config(path, tmp_path / "out"))
     assert (found.verdict, found.drives) == ("support type", 0)
 
 
 def pretended(
     ground: Any, seed: int, rules: Any, plan: Plan = (), agent: str = "", with_hazard: bool = True,
-    from_hazard: bool = False, settings: Any = None,
+    from_hazard: bool = False, town_path: Any = (),
 ) -> PlanDrive:  # fmt: skip
     """Passes without the hazard, with a wait of 15 s before it, or by the agent called saviour."""
     passes = not with_hazard or any(isinstance(s, Wait) and s.seconds == 15.0 for s in plan) or agent == "agents.idle"
@@ -199,6 +198,12 @@ def test_a_file_without_the_type_is_told(tmp_path: Path) -> None:
     path = routes_with(tmp_path, hazard("DynamicObjectCrossing", 30, distance=25.0))
     with pytest.raises(LavsimError, match=r"Accident: no hazard of it in straight\.xml"):
         certify(config("Accident", tmp_path / "out", routes=str(path)))
+
+
+def test_a_hazard_that_cannot_stand_where_the_file_puts_it_is_told_before_any_drive(tmp_path: Path) -> None:
+    path = routes_with(tmp_path, hazard("DynamicObjectCrossing", 30, distance=-3.0))
+    with pytest.raises(LavsimError, match=r"straight\.xml, route 0: .* distance must be positive"):
+        certify(config(path, tmp_path / "out"))
 
 
 def test_one_route_of_each_type_is_enough_if_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
