@@ -26,6 +26,7 @@ from leaderboard.report.page import write_report
 from leaderboard.routes import RouteEntry, read_routes, select_routes
 from leaderboard.run import Run, claim_folder
 from leaderboard.scenario_files import read_scenarios, with_scenarios
+from leaderboard.warm import warm_up
 
 __all__ = ["EvaluationConfig", "OnProgress", "Progress", "evaluate"]
 
@@ -84,6 +85,8 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
     if config.sensors is not None:
         find_suite(config.sensors)
     tasks = list(_tasks(entries, config))
+    if tasks:
+        warm_up(tasks[0])
     digests = {task.entry.town: _check(task) for task in tasks if task.repetition == 0}
     executor = make_executor(config.workers, config.cluster)
     profiles = [traffic_of(entry.traffic, config) for entry in entries]

@@ -60,7 +60,7 @@ def rescore(
     }
     write_outcomes(out, outcomes, total, rules, header, finished=True, strict=strict)
     made = Run.load(out)
-    write_report(made)
+    write_report(made, with_replays=False)  # they take as long as judging; `lavsim report` writes them
     return made
 
 

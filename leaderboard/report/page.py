@@ -20,10 +20,10 @@ from leaderboard.table import short_name
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
-def write_report(run: Run) -> Path:
+def write_report(run: Run, with_replays: bool = True) -> Path:
     """Writes the report of `run` and the replays of its drives into its folder, and gives the report's path."""
     path = run.folder / REPORT
-    write_text(path, page(run, with_replays=True))
+    write_text(path, page(run, with_replays))
     return path
 
 
