@@ -34,7 +34,7 @@ HARM = {
     "daemon-and-exit": (CRASHED, "exit code 0"),
 }
 SOME = ["raise-in-sensors", "out-of-range", "children", "daemon-and-exit"]
-LIMITS = {"step_timeout": 2.0, "setup_timeout": 20.0, "memory_limit": 600 * 2**20}
+LIMITS = {"step_timeout": 10.0, "setup_timeout": 20.0, "memory_limit": 600 * 2**20}
 
 
 def harm(folder: Path, moods: list[str]) -> Run:

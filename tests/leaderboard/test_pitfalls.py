@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from lavsim.agent import AgentFailure, AgentStatus
+from lavsim.cli import app
 from lavsim.types import DT, ActorClass, LightState, Role
 from lavsim.world.snapshot import HAZARD_EMERGENCY_TEST, HAZARD_OWNS_TIMER
 from leaderboard.criteria.blocked import Blocked
@@ -27,7 +31,7 @@ from leaderboard.criteria.stop_sign import StopSign
 from leaderboard.criteria.yield_emergency import YieldEmergency
 from leaderboard.observer import CriteriaObserver, Verdict, judge
 from leaderboard.rules import RULES, Rules
-from leaderboard.score import scores, summarise
+from leaderboard.score import RouteRecord, scores, summarise
 from tests.leaderboard.test_collision import OTHERS, WALL, A, B, events
 from tests.leaderboard.test_criteria import LIGHT, STEPS, passing, still, stop_sign, wrong_lane_flags
 from tests.leaderboard.test_score import WORKED, event, record
@@ -339,3 +343,39 @@ def test_a_drive_that_fails_at_its_end_says_nothing_of_a_target_reached() -> Non
             criteria.observe(snapshot)
         criteria.close(AgentFailure(AgentStatus.CRASHED, "no idea"))
         assert judge(criteria.verdict(), V1, 0, "RouteScenario_0", 1.0).status == status
+
+
+# ---------------------------------------------------------------- 7.28, 7.29
+
+
+@BOTH
+def test_looking_at_a_drive_under_way_changes_nothing(rules: Rules) -> None:
+    """The original makes its record anew every tick and forgets to empty one list; here asking leaves no trace."""
+
+    def record_after(snapshots: list[Any], asks: bool) -> RouteRecord:
+        criteria = CriteriaObserver(rules)
+        criteria.watch(StripTown([Strip()], [LIGHT, LIGHT]), straight_route())  # type: ignore[arg-type]
+        for snapshot in snapshots:
+            criteria.observe(snapshot)
+            if asks:
+                for _ in range(2):
+                    judge(criteria.verdict(), rules, 0, "RouteScenario_0", 1.0)
+        criteria.close(None)
+        return judge(criteria.verdict(), rules, 0, "RouteScenario_0", 1.0)
+
+    red = passing(lambda rear: LightState.RED)
+    late = [ego_at(99.8, tick=red[-1].tick + 40 * k, speed=0.05, others=OTHERS, touches=(A,)) for k in range(1, 200)]
+    asked = record_after([*red, *late], asks=True)
+    assert asked == record_after([*red, *late], asks=False)
+    assert {key for key, texts in asked.infractions.items() if texts} >= {"red_light", "vehicle_blocked"}
+    assert all(len(texts) == len(set(texts)) for texts in asked.infractions.values())
+
+
+@pytest.mark.parametrize("flag", ["--resume", "--overwrite", "--strict-compat", "--drawings"])
+def test_flags_take_no_value(flag: str, tmp_path: Path) -> None:
+    """The original takes `--resume=False` for true, as any text that isn't empty."""
+    words = ["score", "--agent", "agents.idle", "--out", str(tmp_path), f"{flag}=False"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 2
+    assert "does not take a value" in result.output
+    assert not list(tmp_path.iterdir())
