@@ -166,6 +166,7 @@ class TrainingConfig(Config):
         default="staged", description="Perception's losses: never, together with motion, or before it and together."
     )
     painting: Literal["network", "truth"] = Field(default="network", description="What paints the points.")
+    balanced: bool = Field(default=False, description="Whether walkers and marks, which are few, weigh more.")
 
 
 class LavConfig(Config):
@@ -208,6 +209,7 @@ PRESETS: Mapping[str, LavConfig] = {
         brake=ResNetConfig(depth=10, width=32),
         pillars=PillarConfig(points=20_000),
         backbone=_FAR_SIGHTED,
+        training=TrainingConfig(balanced=True),
         motion=MotionConfig(embedding=ResNetConfig(depth=10, width=32), refine_hidden=256),
     ),
     "tiny": LavConfig(
@@ -219,6 +221,7 @@ PRESETS: Mapping[str, LavConfig] = {
         brake=_TINY_RESNET,
         pillars=PillarConfig(points=12_000),
         backbone=_FAR_SIGHTED,
+        training=TrainingConfig(balanced=True),
         motion=MotionConfig(embedding=_TINY_RESNET, refine_hidden=None, pooling="grid", speeds=True, goals=2),
     ),
     "micro": LavConfig(

@@ -15,8 +15,9 @@ from lightning_fabric import Fabric
 
 from agents.lav.config import LavConfig, find_preset
 from agents.lav.devices import make_fabric
+from agents.lav.export import EXPORTED, export
 from agents.lav.records import MEASURES, Pace
-from agents.lav.stages.base import STAGES, StageInput, TrainConfig
+from agents.lav.stages.base import STAGES, Stage, StageInput, TrainConfig
 from agents.lav.training import train_stage
 from agents.lav.variants import find_variant
 from agents.lav.weights import digest_of_file, read_weights
@@ -55,6 +56,8 @@ class TrainTask:
         shared: Another training's folder: what is finished there and does not differ is taken from it; or None.
         device: "cpu", "cuda" or "auto".
         processes: That share each batch.
+        start: Weights that the stage begins from, or None.
+        export: Whether networks are written as TorchScript too.
     """
 
     stage: str
@@ -70,6 +73,8 @@ class TrainTask:
     shared: Path | None = None
     device: str = "cpu"
     processes: int = 1
+    start: Path | None = None
+    export: bool = False
 
 
 def train(task: TrainTask, on_pace: OnPace | None = None) -> dict[str, dict[str, float]]:
@@ -94,7 +99,16 @@ def train(task: TrainTask, on_pace: OnPace | None = None) -> dict[str, dict[str,
             continue
         job = _Job(task, name, settings[name], _parents(task, name, settings[name].lav))
         _work(job, on_pace)
+    if task.export:
+        _export(task, names)
     return {name: _measures(task, name, settings[name].lav) for name in names}
+
+
+def _export(task: TrainTask, names: Sequence[str]) -> None:
+    for name in names:
+        path = _weights(task.out / name, name)
+        if name in EXPORTED and path.exists():
+            export(path)
 
 
 def stages_of(name: str, config: LavConfig | None = None) -> list[str]:
@@ -171,7 +185,9 @@ class _Job:
     def lineage(self, data: Dataset) -> dict[str, Any]:
         """What the result says of its origin."""
         parents = {name: digest_of_file(_marker(path, name)) for name, path in self.parents.items()}
-        return {"data": data.root.name, "frames": len(data), "variant": self.task.variant, "parents": parents}
+        start = digest_of_file(self.task.start) if self.task.start is not None else None
+        found = {"data": data.root.name, "frames": len(data), "variant": self.task.variant, "start": start}
+        return found | {"parents": parents}
 
 
 def _work(job: _Job, on_pace: OnPace | None) -> None:
@@ -191,10 +207,23 @@ def _train_one(fabric: Fabric, job: _Job, on_pace: OnPace | None) -> None:
     torch.set_num_threads(job.task.threads)
     given = job.input()
     stage = STAGES[job.name](given)
+    if job.task.start is not None:
+        _begin_from(job.task.start, stage, job)
     on_step = None if on_pace is None else lambda pace: on_pace(job.name, pace)
     lav, loop = job.settings.lav, job.settings.train
     _write_settings(job)
     train_stage(job.name, stage, lav, loop, job.folder, job.lineage(given.data), on_step, fabric=fabric)
+
+
+def _begin_from(path: Path, stage: Stage, job: _Job) -> None:
+    """Gives a stage's network the weights in a file, of the same stage and sizes."""
+    start = read_weights(path)
+    if start.stage != job.name:
+        raise ConfigError(f"{path} holds the weights of stage {start.stage!r}, not of {job.name!r}.")
+    try:
+        stage.network.load_state_dict(start.tensors)
+    except RuntimeError:
+        raise ConfigError(f"{path} has other sizes ({start.config.name}) than this training.") from None
 
 
 def _train_among_others(fabric: Fabric, job: _Job) -> LavsimError | None:

@@ -32,6 +32,8 @@ def train(
     ] = None,
     device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "cpu",
     processes: Annotated[int, typer.Option(min=1, help="Processes that share each batch: cores, or GPUs.")] = 1,
+    start: Annotated[Path | None, typer.Option(help="Weights that the stage begins from.")] = None,
+    export: Annotated[bool, typer.Option(help="Write networks as TorchScript too, for fast inference.")] = False,
 ) -> None:
     """Train one stage of LAV, or all of them; what is finished is not trained again."""
     try:
@@ -41,8 +43,9 @@ def train(
         raise ConfigError(f"training needs {error.name}: pip install 'lavsim[lav]'.") from None
 
     task = TrainTask(
-        stage, data, out, preset, validation, config, sets or (), resume, threads, variant, shared, device, processes
-    )
+        stage, data, out, preset, validation, config, sets or (), resume, threads, variant, shared, device, processes,
+        start, export,
+    )  # fmt: skip
     with Shares() as shares:
         measures = run(task, lambda name, pace: shares.update(name, pace.step / pace.steps, describe(name, pace)))
     for name, values in measures.items():

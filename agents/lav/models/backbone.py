@@ -57,7 +57,7 @@ class Backbone(nn.Module):
         second = self.second(first)
         third = self.third(second)
         scales = (self.up_first(first), self.up_second(second), self.up_third(third))
-        joined = torch.cat([_with_dense_gradient(scale) for scale in scales], dim=1)
+        joined = torch.cat([_with_dense_gradient(scale) if self.training else scale for scale in scales], dim=1)
         features = self.neck(joined)
         found = self.heads(features if self._heads_take_neck else joined)
         return Seen(features, *(found[name] for name in HEADS))

@@ -19,6 +19,7 @@ from agents.lav.models.backbone import Seen
 PEDESTRIAN, VEHICLE = 0, 1  # channels of the centre head
 NOBODY = -1  # padding among the kinds
 MAP_WEIGHT = 2.0  # of the map's loss beside detection
+MARK_WEIGHTS = (1.0, 4.0, 4.0)  # of a cell with road, a solid or a broken mark, where layers are balanced
 _PEAK_REACH = 3  # cells around a peak in which no other stands
 _DOUBT = math.exp(-9.0)  # within three cells of an actor that is not to be judged nothing counts
 _BUMP_REACH = 4  # cells beyond which a bump is below the precision of its height
@@ -83,12 +84,16 @@ def detection_labels(
     return DetectionLabels(heat, 1.0 - doubt.to(bumps.dtype), drawn[:, :2], drawn[:, 2:])
 
 
-def detection_loss(seen: Seen, labels: DetectionLabels) -> Tensor:
-    """Centres weighted by how wrong they are, sizes and headings by how near a centre is."""
+def detection_loss(seen: Seen, labels: DetectionLabels, balanced: bool = False) -> Tensor:
+    """Centres weighted by how wrong they are, sizes and headings by how near a centre is.
+
+    Args:
+        seen: What the network says.
+        labels: What is true.
+        balanced: Centres by `balanced_centre_loss` instead of the original's.
+    """
     heat = labels.heat
-    wrong = torch.sigmoid(seen.centre * (1.0 - 2.0 * heat)) * labels.weight
-    entropy = functional.binary_cross_entropy_with_logits(seen.centre, heat, reduction="none")
-    centre = (entropy * wrong).sum() / wrong.sum().clamp(min=1e-6)
+    centre = balanced_centre_loss(seen.centre, labels) if balanced else _centre_loss(seen.centre, labels)
     near = heat.amax(dim=1, keepdim=True)
     near = near / near.mean().clamp(min=1e-6)
     boxes = sum(
@@ -99,12 +104,39 @@ def detection_loss(seen: Seen, labels: DetectionLabels) -> Tensor:
     return total
 
 
-def map_loss(logits: Tensor, layers: Tensor, known: Tensor | None = None) -> Tensor:
-    """Binary cross entropy of road, solid and broken marks (B, 3, H, W), where they are known (B, H, W)."""
+def _centre_loss(logits: Tensor, labels: DetectionLabels) -> Tensor:
+    """The original's: one mean over all cells of both kinds, weighted by the probability of being wrong."""
+    wrong = torch.sigmoid(logits * (1.0 - 2.0 * labels.heat)) * labels.weight
+    entropy = functional.binary_cross_entropy_with_logits(logits, labels.heat, reduction="none")
+    return (entropy * wrong).sum() / wrong.sum().clamp(min=1e-6)
+
+
+def balanced_centre_loss(logits: Tensor, labels: DetectionLabels) -> Tensor:
+    """Each kind by itself, per actor of it: in the original's mean the many empty cells outweigh actors, so that scores
+    stay low for long, and walkers, who are few, are not learnt at all.
+
+    Source: the quality focal loss (Li et al. 2020, NeurIPS), exponent 2.
+    """
+    distance = (torch.sigmoid(logits) - labels.heat).detach() ** 2 * labels.weight
+    entropy = functional.binary_cross_entropy_with_logits(logits, labels.heat, reduction="none")
+    actors = (labels.heat * labels.weight).sum(dim=(0, 2, 3))
+    return ((entropy * distance).sum(dim=(0, 2, 3)) / actors.clamp(min=1.0)).sum()
+
+
+def map_loss(logits: Tensor, layers: Tensor, known: Tensor | None = None, balanced: bool = False) -> Tensor:
+    """Binary cross entropy of road, solid and broken marks (B, 3, H, W).
+
+    Args:
+        logits: What the network says.
+        layers: 0 or 1.
+        known: (B, H, W) 1 where the truth is known, else 0; everywhere if None.
+        balanced: Whether the few cells with marks weigh more.
+    """
+    weight = logits.new_tensor(MARK_WEIGHTS if balanced else (1.0, 1.0, 1.0))[:, None, None]
+    each = functional.binary_cross_entropy_with_logits(logits, layers, reduction="none", pos_weight=weight)
     if known is None:
-        return MAP_WEIGHT * functional.binary_cross_entropy_with_logits(logits, layers)
-    each = functional.binary_cross_entropy_with_logits(logits, layers, reduction="none") * known[:, None]
-    return MAP_WEIGHT * each.sum() / (known.sum().clamp(min=1.0) * layers.shape[1])
+        return MAP_WEIGHT * each.mean()
+    return MAP_WEIGHT * (each * known[:, None]).sum() / (known.sum().clamp(min=1.0) * layers.shape[1])
 
 
 class Detections(NamedTuple):

@@ -165,8 +165,9 @@ def moving_frames(data: Dataset) -> NDArray[np.int64]:
 def perception_loss(seen: Seen, scene: Scene, config: LavConfig) -> tuple[Tensor, dict[str, float]]:
     """Detection's and the map's loss, and both."""
     labels = detection_labels(scene.boxes, scene.kinds, config.grid, config.backbone, scene.hits)
-    detection = detection_loss(seen, labels)
-    layers = map_loss(seen.map, scene.map[:, :3].to(seen.map.dtype), scene.map[:, 3].to(seen.map.dtype))
+    balanced, kind = config.training.balanced, seen.map.dtype
+    detection = detection_loss(seen, labels, balanced)
+    layers = map_loss(seen.map, scene.map[:, :3].to(kind), scene.map[:, 3].to(kind), balanced)
     return detection + layers, {"detection": detection.item(), "map": layers.item()}
 
 

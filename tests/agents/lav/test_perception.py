@@ -15,6 +15,8 @@ from agents.lav.models.brake import BrakeNetwork, auxiliary_labels, auxiliary_lo
 from agents.lav.models.detection import (
     PEDESTRIAN,
     VEHICLE,
+    DetectionLabels,
+    balanced_centre_loss,
     decode,
     detection_labels,
     detection_loss,
@@ -167,14 +169,35 @@ def test_the_centre_loss_of_one_cell_worked_by_hand() -> None:
     assert float(map_loss(torch.zeros(1, 3, 8, 8), torch.ones(1, 3, 8, 8))) == pytest.approx(2.0 * math.log(2.0))
 
 
+def test_balanced_losses_worked_by_hand() -> None:
+    """A kind's loss is per actor of it: two walkers half found cost as much as one; marks weigh four times."""
+    heat = torch.zeros(1, 2, 8, 8)
+    heat[0, PEDESTRIAN, 2, 2] = 1.0
+    logits = torch.where(heat > 0.0, 0.0, -30.0)
+    labels = DetectionLabels(heat, torch.ones_like(heat), heat, heat)
+    alone = float(balanced_centre_loss(logits, labels))
+    assert alone == pytest.approx(0.25 * math.log(2.0), rel=1e-5)
+    heat[0, PEDESTRIAN, 5, 5] = 1.0
+    logits[0, PEDESTRIAN, 5, 5] = 0.0
+    assert float(balanced_centre_loss(logits, labels)) == pytest.approx(alone, rel=1e-5)
+    heat[0, VEHICLE, 1, 1] = 1.0
+    logits[0, VEHICLE, 1, 1] = 0.0
+    assert float(balanced_centre_loss(logits, labels)) == pytest.approx(2.0 * alone, rel=1e-5)
+    labels.weight[:] = 0.0
+    assert float(balanced_centre_loss(logits, labels)) == 0.0, "nothing counts"
+    layers, known = torch.ones(1, 3, 2, 2), torch.tensor([[[1.0, 0.0], [0.0, 0.0]]])
+    wanted = 2.0 * math.log(2.0) * (1.0 + 4.0 + 4.0) / 3.0
+    assert float(map_loss(torch.zeros(1, 3, 2, 2), layers, known, balanced=True)) == pytest.approx(wanted)
+
+
 def test_tags_become_classes() -> None:
     tags = torch.tensor([[int(Tag.ROAD), int(Tag.VEHICLE), int(Tag.SKY), int(Tag.PEDESTRIAN), int(Tag.ROAD_LINE)]])
     assert classes_of_tags(tags).tolist() == [[3, 4, 0, 1, 2]]
     image = torch.zeros(1, 16, 16)
-    image[0, 2, 6] = int(Tag.TRAFFIC_LIGHT)
+    image[0, 3, 6], image[0, 0, 4] = int(Tag.TRAFFIC_LIGHT), int(Tag.VEHICLE)
     labels = auxiliary_labels(image)
     assert labels.shape == (1, 4, 4)
-    assert labels[0, 0, 1] == 3
+    assert labels[0, 0].tolist() == [0, 3, 0, 0], "a lamp of a pixel is found in its square"
     assert float(auxiliary_loss(torch.zeros(1, 4, 4, 4), image)) == pytest.approx(math.log(4.0))
 
 
@@ -185,7 +208,7 @@ def test_the_brake_network_sees_both_images() -> None:
         brake = BrakeNetwork(config, attention).eval()
         wide = torch.rand(2, 3, cameras.height, 3 * cameras.width)
         tele = torch.rand(2, 3, cameras.telephoto_height, cameras.telephoto_width)
-        logit, first, second = brake.with_tags(wide, tele)
+        logit, first, second = brake(wide, tele, with_tags=True)
         assert torch.equal(logit, brake(wide, tele))
         assert not torch.allclose(logit, brake(wide, 1.0 - tele))
         assert not torch.allclose(logit, brake(1.0 - wide, tele))
