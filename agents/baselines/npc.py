@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from agents.baselines.route_agent import Pose, RouteAgent
-from agents.behavior.hazards import sweep
+from agents.behavior.sweep import sweep
 from agents.behavior.manner import Manner
 from agents.behavior.path import STEP
 from agents.behavior.road import limits_along, stop_points

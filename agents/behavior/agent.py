@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from agents.behavior.config import config_of
 from agents.behavior.control import Controller
+from agents.behavior.dash import PULL, Dash
 from agents.behavior.detour import STANDOFF, Detour
 from agents.behavior.forecast import Forecaster
 from agents.behavior.hazards import BRISK, RANGE, Ego, meetings, pressed_by
@@ -26,7 +27,7 @@ from agents.behavior.way import Way
 from agents.privileged import PrivilegedAgent
 from lavsim.drawings import Drawing
 from lavsim.map.town_map import TownMap, load_town
-from lavsim.types import Control, LightState, RoadOption
+from lavsim.types import Control, LightState, RoadOption, Role
 
 Floats = NDArray[np.float64]
 
@@ -111,6 +112,7 @@ class Expert:
         self._forecaster = Forecaster(town)
         self._memory = Memory()
         self._controller = Controller()
+        self._dash = Dash()
         self._brisk = self.manner.model_copy(update={"acceleration": max(self.manner.acceleration, BRISK)})
         self._goes: set[int] = set()  # stop lines it decided to cross at yellow
         self._yellow_since: dict[int, float] = {}
@@ -143,11 +145,17 @@ class Expert:
         memory = self._memory.update(truth)
         forecast = self._forecaster.update(truth, memory, window)
         patience = self._patience(truth, speed)
-        met = meetings(path, ego, forecast, self.manner, patience)
+        yields = truth["roles"][forecast.row] == Role.TRAFFIC
+        met = meetings(path, ego, forecast, self.manner, patience, yields)
         kerb = met.kerb
         manner = self.manner if patience > 0.5 else self._brisk
         slope = (wanted - path.at(self.way.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0
         bounds = [("free", towards(speed, min(wanted, kerb, self.detour.eases), min(slope, 0.0), manner), False)]
+        dashes = self._dash.update(ego, met, forecast, yields, self._hurried, patience, self._time)
+        if dashes:
+            met = met.of_followed()
+            hurried = min(path.at(self._hurried, ahead + 0.5), kerb)
+            bounds = [("free", min((hurried - speed) / 0.4, PULL), False)]
         if len(met.acceleration):
             worst = int(np.argmin(met.acceleration))
             held_by = f"actor {int(truth['ids'][forecast.row[worst]])}"
@@ -158,11 +166,13 @@ class Expert:
         bounds.append(("stop sign", self._stop_sign(ego), True))
         bounds.append(("junction", self._junction(ego, _held(met.stop, forecast.speed, patience)), True))
         bounds.append(("goal", stopping(speed, self.path.end + 8.0 - s, self.manner), True))
+        if dashes:  # what only keeps to the usual acceleration holds nobody up
+            bounds = [bound for bound in bounds if bound[0] == "free" or bound[1] < self.manner.acceleration - 0.01]
         self.reason, acceleration, self._stops = min(bounds, key=lambda bound: bound[1])
         self.view = View(truth, forecast, s, min(wanted, kerb), acceleration, self.reason)
         if self.detour.backs and self._waiting > BACKING_AFTER:
             return self._controller.back(float(truth["ego_speed"]))
-        return self._controller.command(path, s, offset, ego.yaw, speed, acceleration)
+        return self._controller.command(path, s, offset, ego.yaw, speed, acceleration, dashes)
 
     @property
     def path(self) -> ReferencePath:
@@ -180,7 +190,7 @@ class Expert:
         dt = min(max(time - self._time, 0.0), 0.5)
         self._time = time
         stands = speed < 0.3 and (self.reason.startswith("actor") or self.reason == "junction")
-        self._waiting = self._waiting + dt if stands else max(0.0, self._waiting - 4.0 * dt)
+        self._waiting = self._waiting + dt if stands else max(0.0, self._waiting - dt * speed)
         return 1.0 - min(self._waiting / PATIENCE, 1.0)
 
     def _gap_to_wait(self, ego: Ego) -> float:

@@ -36,19 +36,29 @@ class Controller:
         self._acceleration = 0.0
 
     def command(
-        self, path: ReferencePath, s: float, offset: float, yaw: float, speed: float, acceleration: float
+        self,
+        path: ReferencePath,
+        s: float,
+        offset: float,
+        yaw: float,
+        speed: float,
+        acceleration: float,
+        is_firm: bool = False,
     ) -> Control:
-        """Pedals and wheel for a vehicle at `s` with `offset` to the right of the path [m]."""
+        """Pedals and wheel for a vehicle at `s` with `offset` to the right of the path [m].
+
+        A wish that is firm is not smoothed, and may take the whole throttle.
+        """
         if speed > 0.05 or acceleration > 0.0:  # wheels are not turned at rest
             self._steering(path, s, offset, yaw, speed)
         steer = min(max(self._steer, -1.0), 1.0)
         step = JERK * DT
-        if acceleration > EMERGENCY:
+        if acceleration > EMERGENCY and not is_firm:
             low = min(self._acceleration, 0.0) - step
             high = max(self._acceleration, RELEASED if speed > 0.5 else PULLING_AWAY) + 0.5 * step
             acceleration = min(max(acceleration, low), high)
         self._acceleration = acceleration
-        throttle, brake = pedals(speed, acceleration)
+        throttle, brake = pedals(speed, acceleration, 1.0 if is_firm else MAX_THROTTLE)
         return Control(throttle=throttle, steer=steer, brake=brake)
 
     def back(self, speed: float) -> Control:
@@ -73,16 +83,16 @@ class Controller:
         self._steer = min(max(wanted, self._steer - STEER_RATE), self._steer + STEER_RATE)
 
 
-def pedals(speed: float, acceleration: float) -> tuple[float, float]:
+def pedals(speed: float, acceleration: float, most: float = MAX_THROTTLE) -> tuple[float, float]:
     """Throttle and brake that give `acceleration` [m/s²] at `speed` [m/s] in the fitted model."""
     if speed < 0.1 and acceleration <= 0.0:
         return 0.0, 1.0 if acceleration < -1.0 else 0.5
-    throttle, brake = _pedals(max(speed, 0.0), acceleration)
+    throttle, brake = _pedals(max(speed, 0.0), acceleration, most)
     return float(throttle), float(brake)
 
 
 @kernel
-def _pedals(speed: float, acceleration: float) -> tuple[float, float]:
+def _pedals(speed: float, acceleration: float, most: float) -> tuple[float, float]:
     if acceleration < -COAST_DECELERATION:
         full = brake_deceleration(speed, 1.0)
         return 0.0, min(1.0, -acceleration / max(full, 0.5))
@@ -90,7 +100,7 @@ def _pedals(speed: float, acceleration: float) -> tuple[float, float]:
     if acceleration < least:
         near_coast = acceleration + COAST_DECELERATION < least - acceleration
         return (0.0, 0.0) if near_coast else (THROTTLE_DEAD_BAND, 0.0)
-    low, high = THROTTLE_DEAD_BAND, MAX_THROTTLE
+    low, high = THROTTLE_DEAD_BAND, most
     for _ in range(12):
         middle = 0.5 * (low + high)
         if throttle_acceleration(speed, middle) < acceleration:

@@ -12,6 +12,7 @@ from agents.behavior.forecast import TIMES, Forecast
 from agents.behavior.manner import Manner, Pace
 from agents.behavior.path import STEP, ReferencePath
 from agents.behavior.speed import follow, merge, stop_within, time_to_cover
+from agents.behavior.sweep import sweep
 from lavsim.kernel import kernel
 from lavsim.types import ActorClass
 
@@ -25,6 +26,7 @@ WALKER_MARGIN = 0.6
 BEFORE, AFTER = 1.0, 0.5  # [s] between the ego and who crosses: when the ego goes first, when it goes second
 WALKER_BEFORE, WALKER_AFTER = 1.5, 0.6
 WALL_GAP = 1.8  # [m] to the way of somebody who crosses: nearer, others brake for the nose and nobody goes
+FLATTEST = 0.4  # sine of the angle between their ways
 WALKER_GAP = 2.0
 NOMINAL, BRISK = 1.6, 3.0  # [m/s²] at which the ego would go, at first and once it has waited for long
 CREEP = 6.0  # [m/s] past walkers who stand at the kerb and face the road
@@ -55,6 +57,10 @@ class Meetings(NamedTuple):
         acceleration: (H,) largest acceleration it leaves [m/s²]; inf where it leaves all.
         stop: (H,) place at which the ego would come to rest because of it [m along the path]; inf when it keeps moving.
         first: (H,) place at which the ego would touch it where it is now [m along the path]; inf if nowhere.
+        follows: (H,) whether it stands or drives ahead on the ego's way.
+        enters, leaves: (H, K) first and last sample of the way, counted from the one at the ego, on which the ego would
+            meet it at the forecast times; -1 where it doesn't, or needn't mind.
+        base: Place of that first sample [m along the path].
         kerb: Speed that respects walkers who stand beside the path and look across it [m/s]; inf without any.
         is_faced: Whether somebody comes towards the ego on its way.
     """
@@ -62,11 +68,23 @@ class Meetings(NamedTuple):
     acceleration: Floats
     stop: Floats
     first: Floats
+    follows: NDArray[np.bool_]
+    enters: Floats
+    leaves: Floats
     kerb: float
     is_faced: bool
+    base: float
+
+    def of_followed(self) -> Meetings:
+        """The same with bounds of those alone who stand or drive ahead on the way."""
+        free = np.full(len(self.first), math.inf)
+        acceleration, stop = (np.where(self.follows, column, free) for column in (self.acceleration, self.stop))
+        return self._replace(acceleration=acceleration, stop=stop)
 
 
-def meetings(path: ReferencePath, ego: Ego, forecast: Forecast, manner: Manner, patience: float) -> Meetings:
+def meetings(
+    path: ReferencePath, ego: Ego, forecast: Forecast, manner: Manner, patience: float, yields: NDArray[np.bool_]
+) -> Meetings:
     """What all forecasts mean that touch the ego's way within the horizon.
 
     Args:
@@ -75,15 +93,17 @@ def meetings(path: ReferencePath, ego: Ego, forecast: Forecast, manner: Manner, 
         forecast: Where others will be.
         manner: How it drives.
         patience: 1 at first; falls to 0 while the ego stands for others, and narrows the gaps it waits for.
+        yields: (H,) who brakes for a nose in its way; the others are not come near.
     """
     begin, xy, heading = window_of(path, ego)
     count = len(forecast.row)
     if len(xy) < 2 or not count:
-        none = np.full(count, math.inf)
-        return Meetings(none, none, none, math.inf, False)
+        none, never = np.full(count, math.inf), np.full((count, len(TIMES)), -1.0)
+        return Meetings(none, none, none, np.zeros(count, np.bool_), never, never, math.inf, False, begin * STEP)
     return Meetings(
         *_meet(begin, xy, heading, path.yaw[begin:], ego, forecast.poses, forecast.half, forecast.speed, forecast.kind,
-               manner.pace, patience)
+               manner.pace, patience, yields),
+        begin * STEP,
     )  # fmt: skip
 
 
@@ -111,9 +131,10 @@ def _meet(
     kind: NDArray[np.uint8],
     pace: Pace,
     patience: float,
-) -> tuple[Floats, Floats, Floats, float, bool]:
+    yields: NDArray[np.bool_],
+) -> tuple[Floats, Floats, Floats, NDArray[np.bool_], Floats, Floats, float, bool]:
     count = len(poses)
-    margin = np.empty(count)
+    margin, follows = np.empty(count), np.zeros(count, np.bool_)
     for h in range(count):
         if kind[h] == _WALKER:
             margin[h] = WALKER_MARGIN
@@ -136,17 +157,32 @@ def _meet(
                 when = k
                 break
         if when < 0 or _comes_from_behind(ego, poses[h, 0], half[h, 0], speed[h]):
+            first[h] = -1.0
             continue
         if when == 0 and first[h, 0] * STEP < 0.6 and speed[h] < 0.3 and _ahead_of(ego, poses[h, 0]) < 0.0:
+            first[h] = -1.0
             continue  # stands against the ego's side: going on leaves it behind
         is_faced = is_faced or (speed[h] > 1.0 and math.cos(poses[h, when, 2] - ego.yaw) < FACING)
         if when == 0:
             touches[h] = base + STEP * first[h, 0]
         direction = course[min(int(first[h, when]), len(course) - 1)]
+        along = speed[h] < 0.3 or math.cos(poses[h, when, 2] - direction) > 0.7
+        follows[h] = when == 0 and kind[h] != _WALKER and along
         accelerations[h], stops[h] = _judge(
-            base, direction, ego, poses[h], speed[h], kind[h] == _WALKER, when, first[h], last[h], pace, patience
+            base,
+            direction,
+            ego,
+            poses[h],
+            speed[h],
+            kind[h] == _WALKER,
+            when,
+            first[h],
+            last[h],
+            pace,
+            patience,
+            yields[h],
         )
-    return accelerations, stops, touches, kerb, is_faced
+    return accelerations, stops, touches, follows, first, last, kerb, is_faced
 
 
 @kernel
@@ -162,6 +198,7 @@ def _judge(
     last: Floats,
     pace: Pace,
     patience: float,
+    yields: bool,
 ) -> tuple[float, float]:
     """Acceleration that a forecast leaves, and where the ego would come to rest."""
     facing = math.cos(poses[when, 2] - course)
@@ -185,12 +222,15 @@ def _judge(
     clear = time_to_cover(high - ego.s + 0.3, ego.speed, pull, top)
     if clear + before * (0.4 + 0.6 * patience) < arrives or reach > leaves + after:
         return math.inf, math.inf
-    gap = low - ego.s - (WALKER_GAP if is_walker else WALL_GAP * (0.3 + 0.7 * patience))
+    kept = WALL_GAP * (0.3 + 0.7 * patience)
+    if not yields:  # stays off its way to the side, too, however flat their ways cross
+        kept = WALL_GAP / max(abs(math.sin(poses[when, 2] - course)), FLATTEST)
+    gap = low - ego.s - (WALKER_GAP if is_walker else kept)
     if low - ego.s < 0.05 and arrives > 0.3 and clear < arrives + 0.2:
         return math.inf, math.inf  # in the middle of it and out before the other is there
     if gap <= 0.2 and low - ego.s > 0.2 and ego.speed >= 1.0:
         gap = low - ego.s - 0.15  # too late for the distance that it would keep
-    return stop_within(ego.speed, gap, pace), max(low - WALL_GAP, ego.s)
+    return stop_within(ego.speed, gap, pace), max(low - kept, ego.s)
 
 
 @kernel
@@ -269,83 +309,3 @@ def _kerb_speed(xy: Floats, pose: Floats) -> float:
         return math.inf
     room = max(nearest * STEP - 12.0, 0.0)
     return math.sqrt(CREEP * CREEP + 2.0 * 1.8 * room)
-
-
-@kernel
-def sweep(
-    xy: Floats, heading: Floats, half_length: float, half_width: float, poses: Floats, half: Floats, margin: Floats
-) -> tuple[Floats, Floats]:
-    """Samples of the ego's path at which its box meets each forecast box.
-
-    Args:
-        xy: (S, 2) the ego's places ahead, `STEP` apart.
-        heading: (S,) its headings there.
-        half_length: Of the ego [m].
-        half_width: Of the ego [m].
-        poses: (H, K, 3) forecasts.
-        half: (H, 2) half boxes.
-        margin: (H,) by which the ego is made wider [m].
-
-    Returns:
-        (H, K) first sample that meets, refined to a sixteenth, and last sample; -1 where none does.
-    """
-    count, steps, samples = len(poses), poses.shape[1], len(xy)
-    x0, x1, y0, y1 = math.inf, -math.inf, math.inf, -math.inf
-    for i in range(samples):
-        x0, x1, y0, y1 = min(x0, xy[i, 0]), max(x1, xy[i, 0]), min(y0, xy[i, 1]), max(y1, xy[i, 1])
-    first, last = np.full((count, steps), -1.0), np.full((count, steps), -1.0)
-    ego_radius = math.sqrt(half_length**2 + half_width**2)
-    for h in range(count):
-        width = half_width + margin[h]
-        radius = ego_radius + margin[h] + math.sqrt(half[h, 0] ** 2 + half[h, 1] ** 2)
-        for k in range(steps):
-            if k > 0 and poses[h, k, 0] == poses[h, k - 1, 0] and poses[h, k, 1] == poses[h, k - 1, 1]:
-                first[h, k], last[h, k] = first[h, k - 1], last[h, k - 1]
-                continue
-            x, y, yaw = poses[h, k]
-            if x < x0 - radius or x > x1 + radius or y < y0 - radius or y > y1 + radius:
-                continue
-            i = 0
-            while i < samples:
-                distance = math.sqrt((x - xy[i, 0]) ** 2 + (y - xy[i, 1]) ** 2)
-                if distance > radius:
-                    i += max(1, int((distance - radius) / 0.6))  # samples are at most 0.6 m apart
-                    continue
-                if _overlap(xy[i, 0], xy[i, 1], heading[i], half_length, width, x, y, yaw, half[h, 0], half[h, 1]):
-                    if first[h, k] < 0.0:
-                        first[h, k] = i
-                        if i > 0:
-                            low, high = 0.0, 1.0
-                            for _ in range(4):
-                                t = 0.5 * (low + high)
-                                mx = xy[i - 1, 0] + (xy[i, 0] - xy[i - 1, 0]) * t
-                                my = xy[i - 1, 1] + (xy[i, 1] - xy[i - 1, 1]) * t
-                                turn = heading[i - 1] + (heading[i] - heading[i - 1]) * t
-                                if _overlap(mx, my, turn, half_length, width, x, y, yaw, half[h, 0], half[h, 1]):
-                                    high = t
-                                else:
-                                    low = t
-                            first[h, k] = i - 1 + high
-                    last[h, k] = i
-                elif first[h, k] >= 0.0:
-                    break
-                i += 1
-    return first, last
-
-
-@kernel
-def _overlap(
-    ax: float, ay: float, a_yaw: float, a_length: float, a_width: float,
-    bx: float, by: float, b_yaw: float, b_length: float, b_width: float,
-) -> bool:  # fmt: skip
-    """Whether two boxes, given by centre, heading and half sizes, meet (separating axes)."""
-    ac, as_, bc, bs = math.cos(a_yaw), math.sin(a_yaw), math.cos(b_yaw), math.sin(b_yaw)
-    dx, dy = bx - ax, by - ay
-    cos, sin = abs(ac * bc + as_ * bs), abs(ac * bs - as_ * bc)
-    if abs(dx * ac + dy * as_) > a_length + b_length * cos + b_width * sin:
-        return False
-    if abs(dy * ac - dx * as_) > a_width + b_length * sin + b_width * cos:
-        return False
-    if abs(dx * bc + dy * bs) > b_length + a_length * cos + a_width * sin:
-        return False
-    return abs(dy * bc - dx * bs) <= b_width + a_length * sin + a_width * cos

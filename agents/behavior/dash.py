@@ -1,0 +1,126 @@
+"""Taking a gap in one go: whether pulling away firmly now leads through everybody's forecasts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.behavior.forecast import COUNT, DT, Forecast
+from agents.behavior.hazards import Ego, Meetings
+from agents.behavior.path import STEP
+from lavsim.kernel import kernel
+from lavsim.types import ActorClass
+
+Floats = NDArray[np.float64]
+
+PULL = 4.5  # [m/s²]
+WAITED = 0.8  # patience below which it looks for such gaps
+SLOW = 4.0  # [m/s] only from here: who drives faster has the usual gaps
+SPARE, SPARE_UNDER_WAY = 0.4, 0.0  # [s] to others, to begin and to go on
+SPARE_WALKER = 1.2  # [s]
+ROOM, ROOM_UNDER_WAY = 0.8, 0.1  # [m]
+LASTS = 5.0  # [s]
+LAST_BRAKING = 7.0  # [m/s²] it gives up if that brings it to rest before their ways
+HELD = 0.5  # [m/s²] less than that left by others holds it up
+
+_WALKER = int(ActorClass.WALKER)
+
+
+class Dash:
+    """Decides on it, and keeps to what it has begun.
+
+    Attributes:
+        is_on: Whether it takes a gap now.
+    """
+
+    def __init__(self) -> None:
+        self.is_on = False
+        self._since = 0.0
+
+    def update(
+        self,
+        ego: Ego,
+        met: Meetings,
+        forecast: Forecast,
+        yields: NDArray[np.bool_],
+        allowed: Floats,
+        patience: float,
+        time: float,
+    ) -> bool:
+        """Whether to go now, whatever the usual distances say.
+
+        Args:
+            ego: Where it is.
+            met: What the forecasts mean for it.
+            forecast: Where others will be.
+            yields: (H,) who brakes for somebody who has come before it.
+            allowed: (S,) speeds along the whole way [m/s].
+            patience: 1 at first; falls to 0 while it stands for others.
+            time: Now [s].
+        """
+        others = met.acceleration[~met.follows]
+        is_held = bool(len(others)) and float(others.min()) < HELD
+        if not self.is_on:
+            if not is_held or ego.speed > SLOW or patience > WAITED:
+                return False
+            self._since = time
+        elif time - self._since > LASTS or not np.any(met.enters[~met.follows] >= 0.0):
+            self.is_on = False
+            return False
+        spare, room = (SPARE_UNDER_WAY, ROOM_UNDER_WAY) if self.is_on else (SPARE, ROOM)
+        ahead = allowed[round(met.base / STEP) :]
+        start = ego.s - met.base
+        self.is_on = bool(_is_free(met.enters, met.leaves, forecast.kind, yields, start, ego.speed, ahead, spare, room))
+        return self.is_on
+
+
+@kernel
+def _is_free(
+    enters: Floats,
+    leaves: Floats,
+    kind: NDArray[np.uint8],
+    yields: NDArray[np.bool_],
+    start: float,
+    speed: float,
+    allowed: Floats,
+    spare: float,
+    room: float,
+) -> bool:
+    """Drives on with `PULL` for the horizon; who is ahead when their ways meet is followed, others must stay behind."""
+    count, last = len(enters), len(allowed) - 1
+    is_ahead, is_behind = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    place = start
+    for k in range(COUNT):
+        for h in range(count):
+            if enters[h, k] < 0.0:
+                continue
+            margin = (max(spare, SPARE_WALKER) if kind[h] == _WALKER else spare) * speed + room
+            low, high = STEP * enters[h, k], STEP * leaves[h, k]
+            if is_ahead[h]:
+                if place > low - 0.3:
+                    return False
+            elif place - margin > high:
+                is_behind[h] = True
+            elif is_behind[h]:
+                if not yields[h]:
+                    return False
+            elif place + margin < low:
+                is_ahead[h] = True
+            else:
+                return False
+        if k + 1 == COUNT:
+            break
+        cap = math.inf
+        for h in range(count):
+            if is_ahead[h] and enters[h, k + 1] >= 0.0:
+                cap = min(cap, STEP * enters[h, k + 1] - room)
+        for _ in range(3):
+            top = allowed[min(int(place / STEP), last)]
+            speed = min(speed + PULL * DT / 3.0, max(top, speed - PULL * DT / 3.0))
+            place += speed * DT / 3.0
+        if place > cap:
+            speed = max(speed - (place - cap) / DT, 0.0)
+            place = max(cap, start)
+    return True

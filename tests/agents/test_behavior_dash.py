@@ -1,0 +1,76 @@
+"""Gaps in streams that mind nobody: which are taken in one go, and which are let go by."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from agents.behavior.agent import Expert
+from agents.behavior.control import Controller
+from agents.behavior.dash import ROOM, SPARE, _is_free
+from agents.behavior.forecast import COUNT, TIMES
+from lavsim.types import ActorClass, Role
+from tests.agents.test_behavior import Other, straight
+from tests.agents.test_behavior_detour import Street
+
+Floats = NDArray[np.float64]
+CAR = np.array([int(ActorClass.CAR)], np.uint8)
+
+
+def stream(speed: float, gap: float, role: Role = Role.SCENARIO) -> list[Other]:
+    """Cars that cross the way at x = 60 from the left, without end."""
+    cars = [Other(60.0, -40.0 - gap * k, math.pi / 2.0, speed) for k in range(40)]
+    for car in cars:
+        car.role = role  # type: ignore[attr-defined]
+    return cars
+
+
+@pytest.mark.parametrize(("speed", "gap"), [(20.0, 46.0), (13.0, 34.0), (8.0, 28.0)])
+def test_stream_with_gaps_is_crossed_untouched(speed: float, gap: float) -> None:
+    road = Street(Expert(straight(), None), stream(speed, gap), speed=8.0).drive(40.0)
+    assert road.closest > 0.2
+    assert road.x > 80.0
+
+
+@pytest.mark.parametrize(("speed", "gap"), [(20.0, 22.0), (13.0, 15.0)])
+def test_stream_without_is_waited_for_off_its_way(speed: float, gap: float) -> None:
+    road = Street(Expert(straight(), None), stream(speed, gap), speed=8.0).drive(30.0)
+    assert road.closest > 1.0
+    assert road.speed < 0.1
+
+
+def free(enters: Floats, leaves: Floats, yields: bool = False, start: float = 0.0, speed: float = 0.0) -> bool:
+    allowed = np.full(200, 12.0)
+    row = np.array([yields])
+    return bool(_is_free(enters[None], leaves[None], CAR, row, start, speed, allowed, SPARE, ROOM))
+
+
+def behind(speed: float, since: float) -> tuple[Floats, Floats]:
+    """A car that comes onto the way 10 m ahead of the ego at `since` [s] and drives on along it."""
+    at = 10.0 + speed * (TIMES - since)
+    comes = since <= TIMES
+    return np.where(comes, (at - 5.0) / 0.5, -1.0).clip(-1.0), np.where(comes, (at + 5.0) / 0.5, -1.0)
+
+
+def test_gap_to_join_must_outlast_who_follows() -> None:
+    assert free(*behind(8.0, 4.0)), "it will be as fast by then"
+    assert not free(*behind(20.0, 4.0)), "caught up with within the horizon"
+    assert free(*behind(20.0, 4.0), yields=True), "who brakes for others may catch up"
+    assert not free(*behind(8.0, 2.5)), "it would be beside"
+
+
+def test_who_has_just_passed_is_followed() -> None:
+    assert free(*behind(8.0, 0.0))
+    standing = np.full(COUNT, 30.0), np.full(COUNT, 50.0)
+    assert free(*standing), "it stops behind it"
+    assert not free(np.full(COUNT, 0.0), np.full(COUNT, 10.0)), "there is no room"
+
+
+def test_firm_wishes_are_not_smoothed() -> None:
+    path = straight()
+    firm = Controller().command(path, 5.0, 0.0, 0.0, 0.0, 4.5, True)
+    usual = Controller().command(path, 5.0, 0.0, 0.0, 0.0, 4.5)
+    assert firm.throttle > 0.75 > usual.throttle > 0.0
