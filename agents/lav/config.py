@@ -153,8 +153,8 @@ class DriveConfig(Config):
     collision_margin: float = Field(default=0.15, ge=0.0, description="Around the ego's box against forecasts [m].")
     likely: float = Field(default=0.2, ge=0.0, le=1.0, description="Commands of others below are left out.")
     refined_lane_change: bool = Field(default=False, description="Whether lane changes take the refined plan too.")
-    stuck: float = Field(default=30.0, gt=0.0, description="Creeps after standing so long [s].")
-    creep: float = Field(default=1.0, ge=0.0, description="For so long [s].")
+    stuck: float = Field(default=10.0, gt=0.0, description="Creeps after standing so long [s]; 30 in the original.")
+    creep: float = Field(default=1.5, ge=0.0, description="For so long [s]; 1 in the original.")
 
 
 class TrainingConfig(Config):

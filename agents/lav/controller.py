@@ -74,15 +74,21 @@ class StuckCounter:
         self._patience, self._length = round(config.stuck / DT), round(config.creep / DT)
         self._stood = self._left = 0
 
-    def step(self, control: Control, speed: float, is_free: bool = True) -> Control:
-        """The control, or a creeping one where the way is free."""
+    def step(self, control: Control, speed: float, steer: float | None) -> Control:
+        """The control, or one that creeps.
+
+        Args:
+            control: Of the plan.
+            speed: Of the ego [m/s].
+            steer: To creep with; None where somebody is in the way.
+        """
         self._stood = self._stood + 1 if speed < _STANDS else 0
         if self._stood >= self._patience:
             self._left = self._length
-        if self._left <= 0 or not is_free:
+        if self._left <= 0 or steer is None:
             return control
         self._left -= 1
-        return Control(throttle=max(control.throttle, _CREEP_THROTTLE), steer=control.steer)
+        return Control(throttle=max(control.throttle, _CREEP_THROTTLE), steer=steer)
 
 
 def planned_speed(plan: Floats) -> float:
