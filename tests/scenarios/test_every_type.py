@@ -11,7 +11,8 @@ import pytest
 
 from lavsim.map.route import RouteTracker
 from lavsim.scenarios.base import SCENARIOS, make_scenario
-from lavsim.scenarios.moves.pursuit import STEP, line_of
+from lavsim.scenarios.moves.meeting import calm_pace
+from lavsim.scenarios.moves.pursuit import STEP
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import ActorIds, Control
 from lavsim.world.snapshot import HAZARD_EMERGENCY_TEST, HAZARD_OWNS_TIMER, HAZARD_WRONG_LANE_OFF, Snapshot
@@ -48,7 +49,7 @@ class Blind:
     def __init__(self, simulation: Simulation) -> None:
         self.simulation, self.route = simulation, simulation.route
         self.tracker = RouteTracker(self.route, 8)
-        self.pace = line_of(self.route.xy, lateral=2.2, slowing=2.0).pace
+        self.pace = calm_pace(self.route, 0.0, self.route.length)
 
     def tick(self) -> Snapshot:
         ego = self.simulation.snapshot.ego

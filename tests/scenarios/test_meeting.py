@@ -25,17 +25,15 @@ class Points(NamedTuple):
     """A route as far as it is asked for here."""
 
     distance: np.ndarray
-    xy: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.xy)
+    yaw: np.ndarray
 
 
 def stage_on(line: np.ndarray, speed: float, to_junction: float = np.inf) -> SimpleNamespace:
     """An ego at the start of a route of points a metre apart."""
     distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    yaw = np.arctan2(*np.gradient(line, axis=0).T[::-1])
     return SimpleNamespace(
-        route=Points(distance, line),
+        route=Points(distance, yaw),
         progress=lambda: 0.0,
         site=SimpleNamespace(at=0.0, to_junction=to_junction),
         world=SimpleNamespace(ego=SimpleNamespace(speed=speed)),

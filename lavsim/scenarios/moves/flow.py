@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.errors import ScenarioError
-from lavsim.geometry import wrap_angle
+from lavsim.geometry import to_local, wrap_angle
 from lavsim.scenarios.base import Scenario, Script, Stage
 from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.follow import ACCELERATION, DECELERATION, step_column
@@ -29,7 +29,7 @@ _STANDING = 0.5  # [m/s] of an ego that is waited for
 _ON_LINE, _ALONG = 1.5, 0.9  # [m] of the ego from the line, cosine between their directions: it drives along it
 _MERGED = 40  # ticks after which an ego that drives along the line is part of the stream
 _SLOWED = 0.8  # of its speed: who is slower has braked for something and goes on minding it
-_ROOM = 7.0  # [m] between middles below which nobody appears, whatever the gap
+_ROOM, _BESIDE = 7.0, 2.5  # [m] along and across the line: where somebody is nearer nobody appears
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,8 @@ class ActorFlow:
         yaw = float(self.line.yaw[k])
         xy = self.line.xy[k] + self._offset * np.array([-np.sin(yaw), np.cos(yaw)])
         others = world.pose[: world.count, :2][world.present[: world.count] & (world.half_sizes[:, 0] > 0.0)]
-        if len(others) and np.hypot(*(others - xy).T).min() < _ROOM:
+        ahead, aside = np.abs(to_local(others, xy, yaw)).T
+        if ((ahead < _ROOM) & (aside < _BESIDE)).any():
             return False
         model = self._models[self._draws.stream("model").integer(self._count, len(self._models))]
         try:

@@ -7,14 +7,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lavsim.map.route import Route
 from lavsim.scenarios.base import Stage
-from lavsim.scenarios.moves.pursuit import STEP, line_of
+from lavsim.scenarios.moves.pursuit import STEP, line_of, pace_of
 
 _MEET = 1.2  # [m] of a line from the route where the two meet
 _SLOWEST = 7.0  # [m/s] that the ego is taken to wish at least
 _LATERAL, _SLOWING, _GAINING = 2.2, 2.0, 2.0  # [m/s²] of an ego in bends, before them and behind them
 _STOPPING, _BEFORE = 1.5, 3.0  # [m/s²] before a red light, and how far from the junction it would stand [m]
 _REACTION = 0.6  # [s] from green until it speeds up
+_PAST = 3.0  # [m] of route behind a place whose bends still count
 _CREEP = 0.5  # [m/s] below which it is taken to stand before a red light
 
 
@@ -52,9 +54,7 @@ def ego_time(stage: Stage, point: int, red: float = 0.0) -> float:
     It slows for bends and before a red light as a calm driver does, and comes back to the speed it has now.
     """
     route, gone = stage.route, stage.progress()
-    last = min(point + 2, len(route) - 1)
-    first = max(min(int(np.searchsorted(route.distance, gone)), last - 2), 0)
-    pace = line_of(route.xy[first : last + 1], _LATERAL, _SLOWING).pace
+    pace = calm_pace(route, gone, float(route.distance[point]) + _PAST)
     way, stop = float(route.distance[point]) - gone, stage.site.to_junction - (gone - stage.site.at)
     green = red + _REACTION if red else 0.0
     wish = max(stage.world.ego.speed, _SLOWEST)
@@ -68,3 +68,13 @@ def ego_time(stage: Stage, point: int, red: float = 0.0) -> float:
         speed = max(allowed, _CREEP)
         at, time = at + STEP, time + STEP / speed
     return time
+
+
+def calm_pace(route: Route, begin: float, end: float) -> NDArray[np.float64]:
+    """Speed that a calm driver has in the bends of a route, at points `STEP` apart from `begin` to `end` metres [m/s].
+
+    By the lanes' directions: the line of a route that changes lanes leaps aside.
+    """
+    at = np.arange(begin, max(end, begin + 2.0 * STEP), STEP)
+    yaw = np.interp(at, route.distance, np.unwrap(route.yaw))
+    return pace_of(np.gradient(yaw, STEP), _LATERAL, _SLOWING)

@@ -46,14 +46,8 @@ class Line(NamedTuple):
         return STEP * (len(self.xy) - 1)
 
 
-def line_of(points: Floats, lateral: float = _LATERAL, slowing: float = _SLOWING) -> Line:
-    """The line through `points` (N, 2), N at least 2.
-
-    Args:
-        points: [m].
-        lateral: Acceleration in bends that its pace allows [m/s²].
-        slowing: Braking before bends [m/s²].
-    """
+def line_of(points: Floats) -> Line:
+    """The line through `points` (N, 2), N at least 2."""
     points = np.asarray(points, dtype=np.float64)[:, :2]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     count = max(int(along[-1] / STEP), 2)
@@ -62,10 +56,21 @@ def line_of(points: Floats, lateral: float = _LATERAL, slowing: float = _SLOWING
     ahead = np.gradient(xy, axis=0)
     yaw = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
     bend = np.gradient(yaw, STEP)
+    return Line(snapped(xy), snapped(yaw), snapped(bend), snapped(pace_of(bend, _LATERAL, _SLOWING)))
+
+
+def pace_of(bend: Floats, lateral: float, slowing: float) -> Floats:
+    """Speed (P,) that the bends from each point on allow [m/s].
+
+    Args:
+        bend: (P,) curvature at points `STEP` apart [1/m].
+        lateral: Acceleration in bends [m/s²].
+        slowing: Braking before them [m/s²].
+    """
     pace = np.sqrt(lateral / np.maximum(np.abs(bend), lateral / _FASTEST**2))
-    for k in range(count - 1, -1, -1):
+    for k in range(len(pace) - 2, -1, -1):
         pace[k] = min(pace[k], math.sqrt(pace[k + 1] ** 2 + 2.0 * slowing * STEP))
-    return Line(snapped(xy), snapped(yaw), snapped(bend), snapped(pace))
+    return pace
 
 
 class Column(NamedTuple):
