@@ -33,14 +33,17 @@ HEAD = (
 )
 
 
-def tasks_of(entry: RouteEntry, seeds: int, agents: Sequence[str]) -> Iterator[Task]:
-    """All drives of a route."""
+def tasks_of(entries: Sequence[RouteEntry], seeds: int, agents: Sequence[str]) -> Iterator[Task]:
+    """All drives of the routes, one seed after the other: a part of them is a table, too."""
     for seed in range(seeds):
-        if "blind" in agents:
-            yield Task(entry, seed, BLIND, with_hazard=False)
-            yield Task(entry, seed, BLIND)
-        if "expert" in agents:
-            yield Task(entry, seed, EXPERT, brief=False)
+        for entry in entries:
+            if "blind" in agents:
+                yield Task(entry, seed, BLIND, with_hazard=False)
+                yield Task(entry, seed, BLIND)
+            if "expert" in agents:
+                yield Task(entry, seed, EXPERT, brief=False)
+                if entry.scenarios[0].type in THROUGH_TRAFFIC:
+                    yield Task(entry, seed, EXPERT, with_hazard=False, brief=False)
 
 
 def proves(results: Results, entry: RouteEntry, seeds: int) -> bool:
@@ -152,8 +155,8 @@ def main() -> None:
         and arguments.generation in ("", entry.scenarios[0].generation)
     ]
     agents = arguments.agents.split(",")
-    tasks = [task for entry in wanted for task in tasks_of(entry, arguments.seeds, agents)]
-    left = sum(task not in results for task in tasks)
+    tasks = list(tasks_of(wanted, arguments.seeds, agents))
+    left = len({task.key for task in tasks if task not in results})
     for _ in track(results.run(tasks, arguments.workers), "drives", left):
         pass
     print(HEAD)
