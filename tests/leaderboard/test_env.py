@@ -100,10 +100,13 @@ def test_actions_become_controls() -> None:
 
 
 def test_ids_are_known_to_gymnasium() -> None:
-    env = gymnasium.make("leaderboard.gym_ids:lavsim/LaneKeeping-v0")
-    observation, info = env.reset(seed=0)
+    name = "leaderboard.gym_ids:lavsim/LaneKeeping-v0"
+    observation, info = gymnasium.make(name).reset(seed=0)
     assert observation["state"].shape == (STATE,)
     assert info["town"] == "eu_small_a"
+    observation, info = gymnasium.make_vec(name, num_envs=2, vectorization_mode="sync").reset(seed=0)
+    assert observation["state"].shape == (2, STATE)
+    assert info["town"].tolist() == ["eu_small_a"] * 2
 
 
 def test_many_drive_side_by_side(tmp_path: Path) -> None:

@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
-from lavsim.errors import ConfigError
+from lavsim.errors import ConfigError, OutputError
 from lavsim.log.reader import LogReader
 from lavsim.types import Control
 from leaderboard.evaluator import evaluate
 from leaderboard.latency import PacedAgent, latency_ticks
+from leaderboard.record import RUN
+from tests.leaderboard.runs import make_run
 from tests.leaderboard.test_evaluator import same, statuses, steady
+
+
+def test_latency_is_what_an_earlier_run_measured(tmp_path: Path) -> None:
+    """The median over drives of the median step; a drive whose agent made no step says nothing."""
+    run = make_run(tmp_path)
+    told = json.loads((run.folder / RUN).read_text())
+    for median, drive in zip((60.0, 340.0, 120.0), told["drives"], strict=True):
+        drive["step_ms"] = {"median": median, "p95": 999.0}
+    (run.folder / RUN).write_text(json.dumps(told))
+    assert latency_ticks(str(run.folder)) == 2
+    told["drives"][1]["step_ms"] = None
+    told["drives"][0]["step_ms"]["median"] = 190.0
+    (run.folder / RUN).write_text(json.dumps(told))
+    assert latency_ticks(str(run.folder)) == 3
+    told["drives"] = [{**drive, "step_ms": None} for drive in told["drives"]]
+    (run.folder / RUN).write_text(json.dumps(told))
+    with pytest.raises(OutputError, match="no drive in which the agent made a step"):
+        latency_ticks(str(run.folder))
 
 
 class Counter:
