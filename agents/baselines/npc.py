@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from agents.baselines.route_agent import Pose, RouteAgent
-from agents.behavior.sweep import sweep
 from agents.behavior.manner import Manner
 from agents.behavior.path import STEP
 from agents.behavior.road import limits_along, stop_points
 from agents.behavior.speed import following, speed_profile, stopping
+from agents.behavior.sweep import sweep
 from lavsim.types import LightState
 
 LOOK = 45.0  # [m]
