@@ -27,9 +27,14 @@ from leaderboard.routes import RouteEntry, read_routes
 
 BY_DEVIATION = {"Scenario1", "ControlLoss"}  # they disturb the ego's control, which costs no infraction
 HARMLESS = "Scenario5"  # by the original's own numbers: its lead drives 17 m/s
+MENDED = ("Scenario1", "Scenario5")  # what they do under the corrected rules is driven, too
 HEAD = (
-    "| type | generation | towns | set off | blind, clean without | blind, hurt with | by | deviation [m] | "
-    "expert, clean |\n|---|---|---|---|---|---|---|---|---|"
+    "| type | rules | towns | set off | blind, clean without | blind, hurt with | by | deviation [m] | "
+    "expert, clean | of |\n|---|---|---|---|---|---|---|---|---|---|"
+)
+TRAFFIC_HEAD = (
+    "| type | drives without | with | encounters without | with | hardest braking [m/s²] without | with | "
+    "ticks without | with |\n|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -37,13 +42,19 @@ def tasks_of(entries: Sequence[RouteEntry], seeds: int, agents: Sequence[str]) -
     """All drives of the routes, one seed after the other: a part of them is a table, too."""
     for seed in range(seeds):
         for entry in entries:
-            if "blind" in agents:
-                yield Task(entry, seed, BLIND, with_hazard=False)
-                yield Task(entry, seed, BLIND)
-            if "expert" in agents:
-                yield Task(entry, seed, EXPERT, brief=False)
-                if entry.scenarios[0].type in THROUGH_TRAFFIC:
-                    yield Task(entry, seed, EXPERT, with_hazard=False, brief=False)
+            for rules in rules_of(entry):
+                if "blind" in agents:
+                    yield Task(entry, seed, BLIND, with_hazard=False, rules=rules)
+                    yield Task(entry, seed, BLIND, rules=rules)
+                if "expert" in agents:
+                    yield Task(entry, seed, EXPERT, rules=rules, brief=False)
+                if "expert" in agents and entry.scenarios[0].type in THROUGH_TRAFFIC:
+                    yield Task(entry, seed, EXPERT, with_hazard=False, rules=rules, brief=False)
+
+
+def rules_of(entry: RouteEntry) -> tuple[str, ...]:
+    """What a route is driven under: its generation's rules (nothing said), and the corrected ones where they matter."""
+    return ("", "corrected") if entry.scenarios[0].type in MENDED else ("",)
 
 
 def proves(results: Results, entry: RouteEntry, seeds: int) -> bool:
@@ -63,21 +74,37 @@ def proves(results: Results, entry: RouteEntry, seeds: int) -> bool:
     return True
 
 
-def row(key: tuple[str, str], entries: Sequence[RouteEntry], results: Results, seeds: int) -> str:
+def row(entries: Sequence[RouteEntry], results: Results, seeds: int, rules: str) -> str:
     """A type's line of the table."""
-    pairs = [(entry, seed) for entry in entries for seed in range(seeds)]
-    free = _known(results, [Task(entry, seed, BLIND, with_hazard=False) for entry, seed in pairs])
-    blind = _known(results, [Task(entry, seed, BLIND) for entry, seed in pairs])
-    expert = _known(results, [Task(entry, seed, EXPERT, brief=False) for entry, seed in pairs])
+    hazard, pairs = entries[0].scenarios[0], [(entry, seed) for seed in range(seeds) for entry in entries]
+    free = _known(results, [Task(entry, seed, BLIND, with_hazard=False, rules=rules) for entry, seed in pairs])
+    blind = _known(results, [Task(entry, seed, BLIND, rules=rules) for entry, seed in pairs])
+    expert = _known(results, [Task(entry, seed, EXPERT, rules=rules, brief=False) for entry, seed in pairs])
     causes = Counter(cause for run in blind for cause in set(run.causes))
     told = ", ".join(f"{cause} {count}" for cause, count in causes.most_common(3)) or "none"
-    apart = [deviation(a, b) for a, b in zip(free, blind, strict=False)]
+    both = [
+        (Task(e, seed, BLIND, with_hazard=False, rules=rules), Task(e, seed, BLIND, rules=rules)) for e, seed in pairs
+    ]
+    apart = [deviation(results[a], results[b]) for a, b in both if a in results and b in results]
     towns = ", ".join(dict.fromkeys(entry.town for entry in entries))
     cells = (
-        key[1], key[0], towns, f"{sum(run.begun >= 0 for run in blind)}/{len(blind)}",
+        hazard.type, rules or hazard.generation, towns, f"{sum(run.begun >= 0 for run in blind)}/{len(blind)}",
         share([run.is_clean for run in free]), share([run.is_hurt for run in blind]), told,
-        f"{np.median(apart):.2f}" if apart else "", share([run.is_clean for run in expert]),
+        f"{np.median(apart):.2f}" if apart else "", share([run.is_clean for run in expert]), len(expert),
     )  # fmt: skip
+    return f"| {' | '.join(map(str, cells))} |"
+
+
+def traffic_row(entries: Sequence[RouteEntry], results: Results, seeds: int) -> str:
+    """What a type that acts through background traffic changes for the expert: without it, and with it."""
+    tasks = [
+        [Task(entry, seed, EXPERT, with_hazard, brief=False) for seed in range(seeds) for entry in entries]
+        for with_hazard in (False, True)
+    ]
+    known = [_known(results, some) for some in tasks]
+    cells = [entries[0].scenarios[0].type, *(str(len(runs)) for runs in known)]
+    for name in ("encounters", "braking", "ticks"):
+        cells += [f"{np.mean([getattr(run, name) for run in runs]):.1f}" if runs else "-" for runs in known]
     return f"| {' | '.join(cells)} |"
 
 
@@ -160,10 +187,14 @@ def main() -> None:
     for _ in track(results.run(tasks, arguments.workers), "drives", left):
         pass
     print(HEAD)
-    for key, entries in by_type(wanted).items():
-        print(row(key, entries, results, arguments.seeds))
+    for entries in by_type(wanted).values():
+        for rules in rules_of(entries[0]):
+            print(row(entries, results, arguments.seeds, rules))
     expert = _known(results, [Task(e, seed, EXPERT, brief=False) for e in wanted for seed in range(arguments.seeds)])
-    print(f"\nexpert, clean over all types: {share([run.is_clean for run in expert])}")
+    print(f"\nexpert, clean over all types: {share([run.is_clean for run in expert])}\n\n{TRAFFIC_HEAD}")
+    for entries in by_type(wanted).values():
+        if entries[0].scenarios[0].type in THROUGH_TRAFFIC:
+            print(traffic_row(entries, results, arguments.seeds))
     if arguments.failures:
         print("\n".join(failures(wanted, results, arguments.seeds)))
 
