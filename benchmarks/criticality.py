@@ -110,7 +110,7 @@ def main() -> None:
         first.setdefault((entry.scenarios[0].generation, entry.scenarios[0].type), entry)
     columns = [f"{agent}: {what}" for agent in AGENTS for what in ("TTC [s]", "braking [m/s²]", "THW [s]", "found")]
     print(f"| type | generation | town | {' | '.join(columns)} |")
-    print("|---" * (3 + len(columns)) + "|")
+    print("|---" * (3 + len(columns)) + "|", flush=True)
     for key, entry in first.items():
         if not kinds or key in kinds:
             print(line(entry), flush=True)

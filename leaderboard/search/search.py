@@ -143,7 +143,7 @@ class Search:
                 self._store.add(trial.number, trial.to_json())
                 under_way.pop(trial.number, None)
                 report(Tick(trial.number, 0.0, 0.0, 0))
-        self._write_found()
+            self._write_found()
         return self.trials
 
     def entry_of(self, trial: Trial) -> RouteEntry:
