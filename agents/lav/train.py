@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -198,9 +199,10 @@ def _work(job: _Job, on_pace: OnPace | None) -> None:
     if job.task.processes == 1:
         _train_one(fabric, job, on_pace)
         return
-    problem = fabric.launch(_train_among_others, job)  # type: ignore[arg-type]
+    # Fabric takes arguments apart in search of networks, which a frozen dataclass does not stand; a partial it leaves.
+    problem = fabric.launch(partial(_train_among_others, job=job))
     if problem is not None:
-        raise problem
+        raise ConfigError(problem)
 
 
 def _train_one(fabric: Fabric, job: _Job, on_pace: OnPace | None) -> None:
@@ -226,12 +228,12 @@ def _begin_from(path: Path, stage: Stage, job: _Job) -> None:
         raise ConfigError(f"{path} has other sizes ({start.config.name}) than this training.") from None
 
 
-def _train_among_others(fabric: Fabric, job: _Job) -> LavsimError | None:
+def _train_among_others(fabric: Fabric, job: _Job) -> str | None:
     """One of several processes; a mistake of the user's is handed back, since it would arrive as a traceback."""
     try:
         _train_one(fabric, job, _tell if fabric.is_global_zero else None)
     except LavsimError as error:
-        return error
+        return str(error)
     return None
 
 
