@@ -9,6 +9,7 @@ import numpy as np
 
 from leaderboard.criteria.base import charges_of
 from leaderboard.record import write_text
+from leaderboard.report.beside import beside_the_score
 from leaderboard.report.drive import DriveReport, drive_name, duration, pill
 from leaderboard.report.hazards import Tallies, hazard_table
 from leaderboard.report.markup import Child, Markup, el, join
@@ -53,6 +54,7 @@ def page(run: Run, with_replays: bool = False) -> str:
         _repeated(run),
         el("h2", "Infractions"),
         _infractions(run),
+        beside_the_score(run),
         join(el("h2", "Hazards"), hazards) if hazards is not None else None,
         el("h2", "Drives"),
         sections,

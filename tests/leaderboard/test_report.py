@@ -14,6 +14,7 @@ from lavsim.drawings import polylines, scalar
 from lavsim.errors import OutputError
 from lavsim.log.drawings import SUFFIX, DrawingsWriter
 from lavsim.log.reader import LogReader
+from leaderboard.metrics import DriveMetrics
 from leaderboard.report.markup import Markup, el, join
 from leaderboard.report.page import page, write_report
 from leaderboard.run import Run, claim_folder
@@ -162,3 +163,14 @@ def test_repetitions_of_a_route_get_mean_and_deviation(run: Run) -> None:
     part = text.split("<h2>Routes</h2>")[1].split("<h2>")[0]
     assert "Route 7" in part
     assert "deviation" in part
+
+
+def test_what_was_measured_beside_the_score_is_told(tmp_path: Path) -> None:
+    run = make_run(tmp_path)
+    assert "Beside the score" not in page(run), "a results file alone has no measures"
+    measures = {"success_rate": 50.0, "efficiency": None, "smoothness": 81.25, "abilities": {"Overtaking": 25.0}}
+    run.run["metrics"] = measures
+    run.run["drives"][0]["metrics"] = DriveMetrics(least_distance=1.5, harsh_brakings=3).to_json()
+    text = page(run)
+    for told in ("50.0 %", "- %", "81.2 %", "overtaking ability", "25.0 %", ">1.50<", ">3<"):
+        assert told in text, told
