@@ -130,26 +130,3 @@ def test_it_hurts_who_does_not_look(kind: str) -> None:
         if driver.is_done:
             break
     pytest.fail("passed without looking")
-
-
-@pytest.mark.parametrize("kind", ACTING[::3])
-def test_it_repeats_exactly_under_its_seed(kind: str) -> None:
-    def digest() -> list[bytes]:
-        found = []
-        for _, snapshot in ghost_drive(kind):
-            if len(snapshot.hazards):
-                found.append(snapshot.pose.tobytes() + snapshot.lights.tobytes() + snapshot.state.tobytes())
-            if len(found) == 60:
-                break
-        return found
-
-    first = digest()
-    assert first
-    assert first == digest()
-
-
-def test_unknown_and_ill_typed_parameters_are_named() -> None:
-    for kind, spec in drives().items():
-        hazard = spec.scenarios[0]
-        with pytest.raises(Exception, match=rf"{kind}_1 \({kind}\): no parameter 'colour'"):
-            make_scenario(type(hazard)(hazard.name, kind, "2.x", hazard.trigger, {"colour": "red"}))
