@@ -130,3 +130,10 @@ def test_it_hurts_who_does_not_look(kind: str) -> None:
         if driver.is_done:
             break
     pytest.fail("passed without looking")
+
+
+def test_unknown_and_ill_typed_parameters_are_named() -> None:
+    for kind, spec in drives().items():
+        hazard = spec.scenarios[0]
+        with pytest.raises(Exception, match=rf"{kind}_1 \({kind}\): no parameter 'colour'"):
+            make_scenario(type(hazard)(hazard.name, kind, "2.x", hazard.trigger, {"colour": "red"}))
