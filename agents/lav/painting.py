@@ -17,11 +17,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from agents.lav.config import CameraConfig
 from agents.lav.data.images import as_batch, shrunk
 from agents.lav.devices import has_bfloat16
-from agents.lav.models.segmentation import CLASSES, in_unit_range, make_segmentation
+from agents.lav.models.segmentation import CLASSES, calibrated, in_unit_range, make_segmentation
 from agents.lav.weights import Weights
 from lavsim.errors import ConfigError
 from lavsim.kernel import kernel
@@ -55,8 +56,8 @@ class Painter:
         """(C, H, W, classes) logits of images (h, w, 3), red first."""
         batch = as_batch([shrunk(image, self._size.width, self._size.height) for image in images])
         with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16, enabled=self._is_fast):
-            logits: Tensor = self._network(in_unit_range(batch))
-        return np.ascontiguousarray(logits.float().permute(0, 2, 3, 1).numpy())
+            logits: Tensor = calibrated(self._network(in_unit_range(batch)).float())
+        return np.ascontiguousarray(logits.permute(0, 2, 3, 1).numpy())
 
     def paint(self, points: Floats, logits: Floats) -> Floats:
         """(N, 4) scores of points (N, >= 3), from the logits (C, H, W, classes) of one image of each camera."""
@@ -73,7 +74,18 @@ def segmentation_of(weights: Weights) -> nn.Module:
         raise ConfigError(f"painting needs weights of stage 'segmentation', these are of {weights.stage!r}.")
     network = make_segmentation(weights.config.segmentation)
     network.load_state_dict(dict(weights.tensors))
-    return network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    folded(network.eval())
+    return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+
+def folded(network: nn.Module) -> None:
+    """Puts normalisations into the convolutions before them, in place: the same answers in less time."""
+    for part in network.children():
+        if isinstance(part, nn.Sequential) and len(part) > 1 and isinstance(part[0], nn.Conv2d):
+            if isinstance(part[1], nn.BatchNorm2d):
+                part[0], part[1] = fuse_conv_bn_eval(part[0], part[1]), nn.Identity()
+        else:
+            folded(part)
 
 
 def views_of(

@@ -14,6 +14,7 @@ from lavsim.types import Tag
 
 # Classes of the auxiliary segmentation, which keeps the trunk on what matters; everything else is background.
 AUXILIARY_TAGS = (Tag.PEDESTRIAN, Tag.VEHICLE, Tag.TRAFFIC_LIGHT)
+_AUXILIARY_WEIGHTS = (1.0, 4.0, 1.0, 8.0)  # walkers and lights are few pixels
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 
@@ -42,20 +43,18 @@ class BrakeNetwork(nn.Module):
         self.register_buffer("mean", torch.tensor(_MEAN).view(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(_STD).view(1, 3, 1, 1), persistent=False)
 
-    def forward(self, panorama: Tensor, telephoto: Tensor) -> Tensor:
+    def forward(
+        self, panorama: Tensor, telephoto: Tensor, with_tags: bool = False
+    ) -> Tensor | tuple[Tensor, Tensor, Tensor]:
         """Logits (B,) of stopping.
 
         Args:
             panorama: (B, 3, H, 3 W) red, green, blue, 0 to 1: left, centre, right beside each other.
             telephoto: (B, 3, h, w) without its lowest third.
+            with_tags: Gives the auxiliary logits (B, 4, H / 4, W / 4) of each image too.
         """
-        logit, _ = self._run(panorama, telephoto)
-        return logit
-
-    def with_tags(self, panorama: Tensor, telephoto: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """As `forward`, and the auxiliary logits (B, 4, H / 4, W / 4) of each image."""
         logit, maps = self._run(panorama, telephoto)
-        return logit, self.auxiliary(maps[0]), self.auxiliary(maps[1])
+        return (logit, self.auxiliary(maps[0]), self.auxiliary(maps[1])) if with_tags else logit
 
     def _run(self, panorama: Tensor, telephoto: Tensor) -> tuple[Tensor, list[Tensor]]:
         maps = [self.trunk((image - self.mean) / self.std) for image in (panorama, telephoto)]
@@ -64,18 +63,21 @@ class BrakeNetwork(nn.Module):
 
 
 def auxiliary_labels(tags: Tensor) -> Tensor:
-    """Classes (B, H / 4, W / 4) of semantic tags (B, H, W): what lies at the middle of every fourth pixel."""
-    table = torch.zeros(256, dtype=torch.long, device=tags.device)
+    """Classes (B, H / 4, W / 4) of semantic tags (B, H, W): the last one of the list in each square of four by four.
+
+    So a lamp two pixels wide is not lost between the squares.
+    """
+    table = torch.zeros(256, device=tags.device)
     for number, tag in enumerate(AUXILIARY_TAGS):
         table[int(tag)] = number + 1
-    found: Tensor = table[tags[:, 2::4, 2::4].long()]
-    return found
+    return functional.max_pool2d(table[tags.long()], 4, ceil_mode=True).long()
 
 
 def auxiliary_loss(logits: Tensor, tags: Tensor) -> Tensor:
-    """Cross entropy of auxiliary logits and semantic tags (B, H, W)."""
+    """Weighted cross entropy of auxiliary logits and semantic tags (B, H, W)."""
     labels = auxiliary_labels(tags)
-    return functional.cross_entropy(logits[:, :, : labels.shape[1], : labels.shape[2]], labels)
+    weights = torch.tensor(_AUXILIARY_WEIGHTS, device=logits.device)
+    return functional.cross_entropy(logits[:, :, : labels.shape[1], : labels.shape[2]], labels, weights)
 
 
 def _up(inputs: int, outputs: int) -> nn.Sequential:

@@ -16,8 +16,12 @@ from agents.lav.config import SegmentationConfig
 from lavsim.types import Tag
 
 _LEAST_SPREAD = 0.02
+_CORRECTION = (
+    0.75  # of the class weights' logarithms; the dice loss leaves less than all of them. Best on training data
+)
 # What a pixel can be, in the order of the scores; everything else is background.
 CLASSES = ("background", "pedestrian", "lane mark", "road", "vehicle")
+CLASS_WEIGHTS = (1.0, 20.0, 5.0, 1.0, 2.0)  # in the loss: one pixel in a thousand is a walker's, one in eighty a line's
 TAG_OF_CLASS = (None, Tag.PEDESTRIAN, Tag.ROAD_LINE, Tag.ROAD, Tag.VEHICLE)
 
 
@@ -37,6 +41,15 @@ def classes_of_tags(tags: Tensor) -> Tensor:
             table[int(tag)] = number
     found: Tensor = table[tags.long()]
     return found
+
+
+def calibrated(logits: Tensor) -> Tensor:
+    """Logits (B, classes, H, W) of classes as frequent as they are.
+
+    A network that was trained with class weights tells of a world in which each class is more frequent by its weight.
+    """
+    weights = torch.tensor(CLASS_WEIGHTS, device=logits.device).view(1, -1, 1, 1)
+    return logits - _CORRECTION * weights.log()
 
 
 def in_unit_range(images: Tensor) -> Tensor:
@@ -135,8 +148,9 @@ class UNet(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         if self._evens_out:
-            spread, mean = torch.std_mean(image, dim=(1, 2, 3), keepdim=True)
-            image = (image - mean) / (spread + _LEAST_SPREAD)
+            # Over one dimension, and channels last as the images are: three times as fast as over three.
+            spread, mean = torch.std_mean(image.permute(0, 2, 3, 1).flatten(1), dim=1)
+            image = (image - mean.view(-1, 1, 1, 1)) / (spread.view(-1, 1, 1, 1) + _LEAST_SPREAD)
         levels = [self.stem(image)]
         for block in self.down:
             levels.append(block(levels[-1]))

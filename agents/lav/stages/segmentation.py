@@ -15,13 +15,19 @@ from agents.lav.config import CameraConfig
 from agents.lav.data.augment import augmented
 from agents.lav.data.images import WIDE, WIDE_TAGS, as_batch, frames_of, require_fields, shrunk, shrunk_tags
 from agents.lav.data.show import PALETTE, SHOWN, column, sheet, unseen_frames
-from agents.lav.models.segmentation import CLASSES, classes_of_tags, in_unit_range, make_segmentation
+from agents.lav.models.segmentation import (
+    CLASS_WEIGHTS,
+    CLASSES,
+    calibrated,
+    classes_of_tags,
+    in_unit_range,
+    make_segmentation,
+)
 from agents.lav.stages.base import STAGES, Stage, StageInput, StepContext, TrainConfig
 from lavsim.dataset.reader import Dataset
 from lavsim.random import Draws
 from lavsim.types import ActorClass
 
-CLASS_WEIGHTS = (1.0, 20.0, 5.0, 1.0, 2.0)  # one pixel in a thousand is a walker's, one in eighty a line's
 STANDING_STRIDE = 4  # of frames in which the ego stands every fourth: one a second
 WALKER_ODDS = 3.0  # of a camera that sees a walker, against one that does not
 _SEEN = 12  # pixels of walkers from which on a camera sees them
@@ -94,7 +100,7 @@ class SegmentationStage(Stage):
 
     def _classes(self, images: Tensor) -> Tensor:
         device = next(self.network.parameters()).device
-        found: Tensor = self.network(in_unit_range(images.to(device))).argmax(dim=1).cpu()
+        found: Tensor = calibrated(self.network(in_unit_range(images.to(device)))).argmax(dim=1).cpu()
         return found
 
 

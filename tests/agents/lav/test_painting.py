@@ -10,8 +10,8 @@ torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsi
 
 from agents.lav.config import CameraConfig, find_preset
 from agents.lav.data.images import WIDE, WIDE_TAGS
-from agents.lav.models.segmentation import classes_of_tags
-from agents.lav.painting import certain, painted, segmentation_of, views_of
+from agents.lav.models.segmentation import classes_of_tags, make_segmentation
+from agents.lav.painting import certain, folded, painted, segmentation_of, views_of
 from agents.lav.weights import Weights
 from lavsim.errors import ConfigError
 from lavsim.random import Draws
@@ -45,7 +45,7 @@ def test_points_land_on_their_own_class() -> None:
     truth = classes_of_tags(torch.from_numpy(returns["ObjTag"].astype(np.uint8))).numpy()
     plain = np.stack([cv2.erode((image == value).astype(np.uint8), np.ones((3, 3))) for image in classes
                       for value in range(5)]).reshape(5, 5, *FULL[1:])  # fmt: skip
-    inner = painted(points, certain(plain.any(axis=1).astype(np.int64)), VIEWS)[:, 0] > 0.5
+    inner = painted(points, certain(np.asarray(plain.any(axis=1), np.int64)), VIEWS)[:, 0] > 0.5
     told = np.where(scores.max(axis=1) > 0.5, scores.argmax(axis=1) + 1, 0)
     assert inner.sum() > 0.6 * len(points)
     assert (told == truth)[inner].mean() >= 0.99
@@ -78,7 +78,7 @@ def test_a_point_falls_on_the_pixel_that_geometry_tells(
 
 @pytest.mark.parametrize("point", [(-10.0, 0.0, 0.0), (1.5, 0.0, -2.0), (3.0, 0.0, 5.0), (1.55, 0.0, 0.0)])
 def test_a_point_that_no_camera_sees_gets_nothing(point: tuple[float, float, float]) -> None:
-    logits = certain(np.full(FULL, 4))
+    logits = certain(np.full(FULL, 4, np.int64))
     assert painted(np.array([point], np.float32), logits, VIEWS).sum() == 0.0
 
 
@@ -103,3 +103,17 @@ def test_tilted_and_missing_sensors_get_one_line() -> None:
         views_of(tilted, WIDE, "LIDAR", CameraConfig())
     with pytest.raises(ConfigError, match="of 'bev'"):
         segmentation_of(Weights("bev", MICRO, {}))
+
+
+def test_normalisations_fold_into_convolutions() -> None:
+    config = find_preset("micro")
+    network = make_segmentation(config.segmentation)
+    for part in network.modules():
+        if isinstance(part, torch.nn.BatchNorm2d):
+            torch.nn.init.uniform_(part.running_mean, -1.0, 1.0)
+            torch.nn.init.uniform_(part.running_var, 0.5, 2.0)
+    images = torch.rand(2, 3, 48, 48)
+    before = network.eval()(images)
+    folded(network)
+    assert not any(isinstance(part, torch.nn.BatchNorm2d) for part in network.modules())
+    assert torch.allclose(network(images), before, atol=1e-4)
