@@ -10,14 +10,14 @@ from leaderboard.run import Run
 
 # Key in the run file, head of the column, digits.
 _OF_DRIVES = (
-    ("efficiency", "efficiency %", 1),
+    ("efficiency", "efficiency", 1),
     ("smoothness", "smooth", 2),
-    ("mean_speed", "mean speed m/s", 1),
+    ("mean_speed", "speed m/s", 1),
     ("speeding_seconds", "speeding s", 1),
-    ("critical_seconds", "contact within 1.5 s, s", 1),
-    ("least_distance", "least distance m", 2),
+    ("critical_seconds", "critical s", 1),
+    ("least_distance", "least gap m", 2),
     ("harsh_brakings", "harsh brakings", 0),
-    ("mean_jerk", "mean jerk m/s³", 2),
+    ("mean_jerk", "jerk m/s³", 2),
 )
 
 
@@ -38,7 +38,7 @@ def beside_the_score(run: Run) -> Markup | None:
     rows = [
         el(
             "tr",
-            el("td", drive_name(run, record)),
+            el("td", drive_name(run, record), style="white-space: nowrap"),
             [el("td", _number(metrics.get(key), digits), class_="num") for key, _, digits in _OF_DRIVES],
         )
         for record, metrics in drives
@@ -47,6 +47,7 @@ def beside_the_score(run: Run) -> Markup | None:
         el("h2", "Beside the score"),
         el("p", "Bench2Drive's: ", facts, class_="facts small"),
         el("div", el("table", el("thead", head), el("tbody", rows)), class_="card wide"),
+        el("p", "Critical: somebody would be touched within 1.5 s if all kept their velocity.", class_="soft small"),
     )
 
 
