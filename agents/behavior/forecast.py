@@ -31,6 +31,7 @@ MOVING = 0.3  # [m/s]
 FLAT = 0.3  # [m] things lower than that are driven over
 SAME_LEVEL = 3.0  # [m] actors farther apart in z don't meet
 DRIFT = 0.4  # [m/s] sideways, away from its lane's middle: it changes lanes
+FIRM_DRIFT = 1.2  # [m/s] within junctions
 KEEPS_OFF = 6.0  # [s] who would take longer than that to its lane's middle doesn't go there
 RUNS_RED = 5.0  # [m/s²] who would have to brake harder than that for a red light doesn't
 CHANGES_LAST = 1.5  # [s] for which changes of speed go on, but braking goes on to a stop
@@ -171,7 +172,8 @@ def _roll_all(
         sideways = speed * math.sin(off)
         offset = hits[i, 2]
         drifts = abs(sideways) > DRIFT and (offset * sideways > 0.0 or abs(offset) < 0.3)
-        drifts = drifts and ways.junction[int(hits[i, 0])] < 0
+        if ways.junction[int(hits[i, 0])] >= 0:  # lanes that bend are cut a little
+            drifts = drifts and abs(sideways) > FIRM_DRIFT and abs(memory[row, TURN]) < abs(off)
         goal = math.copysign(LANE_WIDTH, sideways) if drifts else 0.0
         if not drifts and offset * sideways > -offset * offset / KEEPS_OFF:
             goal = offset  # rides at the edge of its lane and stays there

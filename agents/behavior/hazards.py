@@ -31,6 +31,8 @@ WALKER_GAP = 2.0
 NOMINAL, BRISK = 1.6, 3.0  # [m/s²] at which the ego would go, at first and once it has waited for long
 CREEP = 6.0  # [m/s] past walkers who stand at the kerb and face the road
 KERB_REACH = 6.0  # [m] from the path
+CHANGES_LANE, BESIDE_ITS_LANE = 3.0, 1.6  # [m] aside up to which who comes from behind follows it, and at first
+PULLS_OUT = 3.0  # [m/s] up to which it pulls out of a place beside the lane
 PRESSED_WITHIN, PRESSED_TIME = 40.0, 4.0  # [m], [s] to contact of who comes up from behind
 KERB_AHEAD = 45.0  # [m]
 
@@ -272,7 +274,8 @@ def _comes_from_behind(ego: Ego, pose: Floats, half_length: float, speed: float)
     aside = abs((pose[1] - ego.y) * math.cos(ego.yaw) - (pose[0] - ego.x) * math.sin(ego.yaw))
     reach = ego.half_length + half_length
     similar = math.cos(pose[2] - ego.yaw) > 0.5
-    return (ahead < -0.6 * reach and similar and aside < 3.0) or (ahead < -reach and speed < 0.3)
+    beside = BESIDE_ITS_LANE if ego.speed < PULLS_OUT and speed > ego.speed + 1.0 else CHANGES_LANE
+    return (ahead < -0.6 * reach and similar and aside < beside) or (ahead < -reach and speed < 0.3)
 
 
 @kernel

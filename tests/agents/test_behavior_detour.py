@@ -236,3 +236,18 @@ def test_queue_that_stays_is_passed_late_and_traffic_never() -> None:
     assert queue(Role.SCENARIO).drive(20.0).speed == 0.0
     assert queue(Role.SCENARIO).drive(60.0).x > 110.0
     assert queue(Role.TRAFFIC).drive(60.0).speed == 0.0
+
+
+@pytest.mark.parametrize("role", [Role.SCENARIO, Role.TRAFFIC])
+def test_who_pulls_out_of_a_place_beside_the_lane_lets_others_by(role: Role) -> None:
+    """It stands 2.4 m beside the lane; a car comes along that at full speed."""
+    x = np.arange(5.0, 290.0)
+    aside = LANE + 2.4 * np.clip((35.0 - x) / 15.0, 0.0, 1.0)
+    points = np.stack([x, aside, 0.0 * x], axis=1)
+    yaw = np.arctan2(np.gradient(aside), np.gradient(x))
+    made = Expert(path_through(points, yaw, np.full(len(x), FOLLOW, np.int8)), worlds.straight(300.0))
+    comes = parked(-35.0, LANE, role, 0, speed=14.0)
+    road = Street(made, [comes], speed=0.0, x=10.0, y=LANE + 2.4).drive(12.0)
+    assert road.closest > 0.3
+    assert road.x > 40.0
+    assert comes.at(road.time)[0] > road.x
