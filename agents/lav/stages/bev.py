@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -15,6 +15,7 @@ from agents.lav.labels import read_motions
 from agents.lav.models.motion import chosen, command_loss, nearest_branch_loss, path_loss
 from agents.lav.models.teacher import Motions, make_teacher
 from agents.lav.motion_measures import measures_of
+from agents.lav.motion_pictures import teacher_sheet
 from agents.lav.stages.base import STAGES, Stage, StageInput, StepContext, TrainConfig
 from lavsim.random import Draws
 
@@ -34,7 +35,7 @@ class BevStage(Stage):
     sizes: ClassVar[Sequence[str]] = ("grid", "crop", "motion", "temporal", "training.others")
 
     def __init__(self, given: StageInput) -> None:
-        self._others = given.config.training.others
+        self._others, self._grid = given.config.training.others, given.config.grid
         torch.manual_seed(given.train.seed)
         self.network = make_teacher(given.config)
         self._samples = read_motions(given.data, given.config)
@@ -53,6 +54,11 @@ class BevStage(Stage):
 
     def measure(self) -> dict[str, float]:
         return measures_of(self.network, self._unseen) if self._unseen is not None else {}
+
+    def pictures(self) -> Mapping[str, NDArray[np.uint8]]:
+        if self._unseen is None:
+            return {}
+        return {"unseen": teacher_sheet(self.network, self._unseen, self._grid)}
 
 
 def teacher_loss(

@@ -75,6 +75,7 @@ def test_the_stage_learns_a_drive_by_heart(drives: Path, tmp_path: Path) -> None
     assert measures["plan"] < 0.8 * before["plan"]
     assert measures["frames"] == before["frames"] > 15.0
     assert 0.0 < measures["route_centre_lateral"] < 0.5
+    assert (tmp_path / "pictures" / "unseen.png").is_file()
 
 
 @pytest.mark.slow
