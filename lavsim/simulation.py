@@ -42,6 +42,19 @@ _HISTORY = 101  # snapshots kept for sensors that look back
 
 
 @dataclass(frozen=True)
+class LaterHazard:
+    """A hazard that somebody adds while the drive is under way.
+
+    Attributes:
+        tick: The newest tick when it is added.
+        spec: The hazard.
+    """
+
+    tick: int
+    spec: ScenarioSpec
+
+
+@dataclass(frozen=True)
 class DriveSpec:
     """Everything that decides a drive, apart from the agent.
 
@@ -63,6 +76,7 @@ class DriveSpec:
         generation: "1.0" or "2.x": which ego drives.
         ego: Blueprint of the ego instead of the generation's.
         town_path: Folders searched for towns that are not bundled.
+        later: Hazards that are added under way, by tick; numbered after `scenarios`.
     """
 
     town: str
@@ -82,6 +96,7 @@ class DriveSpec:
     generation: str = "1.0"
     ego: str | None = None
     town_path: tuple[Path, ...] = ()
+    later: tuple[LaterHazard, ...] = ()
 
     def __post_init__(self) -> None:
         if self.traffic not in TRAFFIC_PROFILES:
@@ -114,13 +129,29 @@ class DriveSpec:
             **{name: header[name] for name in plain},
             keypoints=np.array(header["keypoints"], dtype=np.float64).reshape(-1, 3),
             weather=_weather_of(header["weather"]),
-            scenarios=tuple(
-                ScenarioSpec(s["name"], s["type"], s["generation"], tuple(s["trigger"]), s["parameters"])
-                for s in header["scenarios"]
+            scenarios=tuple(_hazard_of(entry) for entry in header["scenarios"] if "tick" not in entry),
+            later=tuple(
+                LaterHazard(entry["tick"], _hazard_of(entry)) for entry in header["scenarios"] if "tick" in entry
             ),
             light_cycle=LightCycle(**header["light_cycle"]),
             town_path=town_path,
         )
+
+
+def _hazard_of(entry: Mapping[str, Any]) -> ScenarioSpec:
+    """The hazard that `_hazard_entry` tells of."""
+    return ScenarioSpec(entry["name"], entry["type"], entry["generation"], tuple(entry["trigger"]), entry["parameters"])
+
+
+def _hazard_entry(hazard: ScenarioSpec) -> dict[str, Any]:
+    """A hazard in JSON types."""
+    return {
+        "name": hazard.name,
+        "type": hazard.type,
+        "generation": hazard.generation,
+        "trigger": list(hazard.trigger),
+        "parameters": dict(hazard.parameters),
+    }
 
 
 def _weather_of(entry: Any) -> tuple[WeatherKeyframe, ...] | RedrawnWeather:
@@ -179,6 +210,7 @@ class Simulation:
             self.town, self.route, self._world, self.draws, spec.scenarios, spec.route_id, self._tracker.metres,
             self._lights, self._traffic, spec.rules,
         )  # fmt: skip
+        self._later, self._added = list(spec.later), 0
         self._recent: deque[Snapshot] = deque(maxlen=_HISTORY)
         self.controls: list[NDArray[np.float32]] = []
         self._director.place()
@@ -194,6 +226,9 @@ class Simulation:
 
     def tick(self, control: Control) -> Snapshot:
         """Applies `control` for one tick and returns what came of it."""
+        while self._added < len(self._later) and self._later[self._added].tick <= self._world.tick:
+            self._director.add(self._later[self._added].spec)
+            self._added += 1
         self._director.tick(self.route.points[self._tracker.index, :2])
         lights = self._lights.states(self._world.tick * DT)
         self._traffic.control(lights)
@@ -208,6 +243,22 @@ class Simulation:
         self.controls.append(snapshot.control)
         return snapshot
 
+    @property
+    def hazard_types(self) -> list[str]:
+        """Types of the hazards so far, by number."""
+        return [spec.type for spec in (*self.spec.scenarios, *(h.spec for h in self._later[: self._added]))]
+
+    def add_hazard(self, spec: ScenarioSpec) -> None:
+        """Adds a hazard from the next tick on; `header` tells of it from then on.
+
+        Raises:
+            RouteError: it doesn't fit where its trigger is.
+            UnknownName: no such hazard.
+        """
+        self._director.add(spec)
+        self._later.insert(self._added, LaterHazard(self._world.tick, spec))
+        self._added += 1
+
     def header(self) -> dict[str, Any]:
         """What a log says about the drive, in JSON types."""
         spec = self.spec
@@ -219,9 +270,8 @@ class Simulation:
             "keypoints": np.asarray(spec.keypoints, dtype=float).tolist(),
             "weather": _weather_entry(spec.weather),
             "scenarios": [
-                {"name": s.name, "type": s.type, "generation": s.generation, "trigger": list(s.trigger),
-                 "parameters": dict(s.parameters)}
-                for s in spec.scenarios
+                *(_hazard_entry(hazard) for hazard in spec.scenarios),
+                *({**_hazard_entry(later.spec), "tick": later.tick} for later in self._later),
             ],
             "seed": spec.seed,
             "traffic": spec.traffic,
