@@ -24,6 +24,7 @@ from lavsim.commands import (  # noqa: F401 - each registers its commands
     score,
     show,
     train,
+    view,
 )
 from lavsim.commands.base import app
 from lavsim.errors import LavsimError

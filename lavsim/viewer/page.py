@@ -1,4 +1,4 @@
-"""The page of a replay: one file that needs nothing outside itself, with its data inside."""
+"""Pages of one file that need nothing outside themselves: the replay's, with its data inside, and what others share."""
 
 from __future__ import annotations
 
@@ -9,48 +9,69 @@ import re
 from functools import cache
 from importlib import resources
 
-SCRIPTS = ("decode", "drive", "view", "tiles", "scene", "inner", "timeline", "panel", "panes", "main")  # in this order
-_IMPORT = re.compile(r'^import (\{.*?\}) from "\./(\w+)\.js";$', re.MULTILINE)
+# The modules in this order: what is imported stands before.
+SCRIPTS = ("decode", "drive", "view", "tiles", "scene", "inner", "timeline", "panel", "panes", "palette", "main")
+_IMPORT = re.compile(r'^import (\{.*?\}) from "(?:\./|\.\./js/)(\w+)\.js";$', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?:async )?(?:function|class|const) (\w+)", re.MULTILINE)
 
 
 def page_of(title: str, data: str) -> str:
-    """The document.
+    """The replay's document.
 
     Args:
         title: Of the window; escaped here.
         data: What `Pack.encode` made; base64, so nothing in it can be taken for markup.
     """
-    script, style, body = _script(), _asset("replay.css"), _asset("page.html")
+    body = (
+        f'<div id="loading">Opening the drive …</div>\n{asset("page.html")}'
+        f'<script type="application/octet-stream" id="data">{data}</script>\n'
+    )
+    return document(title, asset("replay.css"), body, tuple(f"js/{name}" for name in SCRIPTS))[0]
+
+
+def document(
+    title: str, style: str, body: str, scripts: tuple[str, ...], head: str = "", connect: str = "'none'"
+) -> tuple[str, str]:
+    """A page and its content security policy, which allows its own script and nothing else.
+
+    Args:
+        title: Of the window; escaped here.
+        style: CSS.
+        body: Markup before the script.
+        scripts: Modules among the assets, without their ending, each after those it imports.
+        head: More markup for the head.
+        connect: Where the script may connect to, as the policy puts it.
+    """
+    script = _script(scripts)
     policy = (
         f"default-src 'none'; script-src '{_digest(script)}'; style-src 'unsafe-inline'; img-src data: blob:; "
-        "base-uri 'none'; form-action 'none'"
+        f"connect-src {connect}; base-uri 'none'; form-action 'none'"
     )
-    return (
+    page = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n{head}'
         f"<title>{html.escape(title)}</title>\n<style>{style}</style></head><body>\n"
-        f'<div id="loading">Opening the drive …</div>\n{body}'
-        f'<script type="application/octet-stream" id="data">{data}</script>\n'
-        f"<script>{script}</script>\n</body></html>\n"
+        f"{body}<script>{script}</script>\n</body></html>\n"
     )
+    return page, policy
 
 
 @cache
-def _script() -> str:
+def _script(scripts: tuple[str, ...]) -> str:
     """The modules, each a function of its own; imports and exports become plain bindings."""
     parts = []
-    for name in SCRIPTS:
-        source = _asset(f"js/{name}.js")
+    for path in scripts:
+        source = asset(f"{path}.js")
         given = ", ".join(_EXPORT.findall(source))
         source = _IMPORT.sub(r"const \1 = modules.\2;", source)
         source = re.sub(r"^export ", "", source, flags=re.MULTILINE)
-        parts.append(f"modules.{name} = (() => {{\n{source}return {{ {given} }};\n}})();\n")
+        parts.append(f"modules.{path.rpartition('/')[2]} = (() => {{\n{source}return {{ {given} }};\n}})();\n")
     return '"use strict";\nconst modules = {};\n' + "".join(parts)
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """Text of a file among the assets."""
     return (resources.files("lavsim.viewer") / "assets" / name).read_text(encoding="utf-8")
 
 

@@ -4,6 +4,7 @@ import { decode } from "./decode.js";
 import { Drive } from "./drive.js";
 import { Inner } from "./inner.js";
 import { Panel } from "./panel.js";
+import { THEMES, applyTheme, paletteOf } from "./palette.js";
 import { Panes } from "./panes.js";
 import { Scene, eventAt, eventsOf } from "./scene.js";
 import { Tiles } from "./tiles.js";
@@ -15,7 +16,6 @@ const PANEL_PERIOD = 90; // [ms] between updates of the column while it plays
 const TILE_TIME = 10; // [ms] of a frame that missing tiles may take
 const PAUSE = "M7 4h4v16H7zM14 4h4v16h-4z";
 const PLAY = "M7 4l13 8-13 8z";
-const THEMES = ["auto", "light", "dark"];
 
 class Player {
   constructor(drive) {
@@ -228,9 +228,7 @@ class Player {
 
   setTheme(theme) {
     this.theme = theme;
-    const isDark = theme === "dark" || (theme === "auto" && matchMedia("(prefers-color-scheme: dark)").matches);
-    document.documentElement.dataset.theme = isDark ? "dark" : "light";
-    byId("theme").setAttribute("aria-label", `Theme: ${theme}`);
+    applyTheme(theme);
     this.palette = paletteOf();
     this.tiles.repaint(this.palette);
     this.timeline.prepare(this.palette);
@@ -313,18 +311,6 @@ class Player {
     const width = byId("transport").clientWidth;
     tip.style.left = `${Math.min(Math.max(x + 12 - tip.offsetWidth / 2, 6), width - tip.offsetWidth - 6)}px`;
   }
-}
-
-function paletteOf() {
-  const style = getComputedStyle(document.documentElement);
-  const palette = {};
-  for (const name of ["page", "card", "text", "soft", "accent", "mark", "mark-text", "warn", "good", "land", "median", "walk", "shoulder",
-    "parking", "road", "white", "yellow", "curb", "building", "building-edge", "wall", "tree", "pole", "route", "trail", "ink", "halo",
-    "chart", "chart-back", "grid", "car", "van", "truck", "bus", "motorcycle", "bicycle", "walker", "prop", "ego", "scenario", "plan",
-    "forecast", "inner"]) {
-    palette[name.replace(/-(.)/g, (_, letter) => letter.toUpperCase())] = style.getPropertyValue(`--${name}`).trim();
-  }
-  return palette;
 }
 
 async function open() {

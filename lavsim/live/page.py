@@ -1,0 +1,23 @@
+"""The page of a live drive: the replay's drawing, other controls; it holds no data, that comes through the socket."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from lavsim.viewer.page import asset, document
+
+SCRIPTS = ("decode", "drive", "view", "tiles", "scene", "inner", "timeline", "panel", "palette")  # the replay's
+OWN_SCRIPTS = ("link", "world", "keys", "play")  # in this order
+
+
+@cache
+def live_page() -> tuple[str, str]:
+    """The document and its content security policy."""
+    return document(
+        title="lavsim view",
+        style=asset("replay.css") + asset("live/live.css"),
+        body=asset("live/page.html"),
+        scripts=(*(f"js/{name}" for name in SCRIPTS), *(f"live/{name}" for name in OWN_SCRIPTS)),
+        head='<link rel="icon" href="data:,">\n',
+        connect="'self'",
+    )
