@@ -74,21 +74,18 @@ class StuckCounter:
         self._patience, self._length = round(config.stuck / DT), round(config.creep / DT)
         self._stood = self._left = 0
 
-    def step(self, control: Control, speed: float, steer: float | None) -> Control:
-        """The control, or one that creeps.
+    def step(self, control: Control, speed: float, is_free: bool) -> Control:
+        """The control, or one that creeps straight on where that is free.
 
-        Args:
-            control: Of the plan.
-            speed: Of the ego [m/s].
-            steer: To creep with; None where somebody is in the way.
+        Straight on only: plans that come too near to somebody lead beside him, and in a queue between two lanes.
         """
         self._stood = self._stood + 1 if speed < _STANDS else 0
         if self._stood >= self._patience:
             self._left = self._length
-        if self._left <= 0 or steer is None:
+        if self._left <= 0 or not is_free:
             return control
         self._left -= 1
-        return Control(throttle=max(control.throttle, _CREEP_THROTTLE), steer=steer)
+        return Control(throttle=max(control.throttle, _CREEP_THROTTLE))
 
 
 def planned_speed(plan: Floats) -> float:
@@ -97,12 +94,9 @@ def planned_speed(plan: Floats) -> float:
     return float(np.hypot(steps[:, 0], steps[:, 1]).mean()) / TIME_STEP
 
 
-def creeping(plan: Floats) -> Floats:
-    """(T, 2) a plan's way at the pace of creeping: how far it gets before it can stop again."""
-    length = float(np.hypot(*plan[-1]))
-    ahead = plan[-1] / length if length > _STEP else np.array([0.0, -1.0])
-    share = np.linspace(0.0, 1.0, len(plan) + 1)[1:, None]
-    return np.asarray(_CREPT * share * ahead, np.float64)
+def creep_path(steps: int) -> Floats:
+    """(T, 2) the way that a burst of creeping drives."""
+    return np.stack([np.zeros(steps), -_CREPT * np.arange(1, steps + 1) / steps], axis=1)
 
 
 def collides(plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, config: DriveConfig) -> bool:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from agents.behavior.path import PathTracker, path_of_plan
 from agents.behavior.road import StopPoint, stop_points
 from agents.lav.config import COMMANDS, TIME_STEP, LavConfig
-from agents.lav.controller import STOP, Controller, StuckCounter, collides, creeping, planned_speed
+from agents.lav.controller import STOP, Controller, StuckCounter, collides, creep_path, planned_speed
 from agents.lav.data.arrays import grid_layers
 from agents.lav.frames import command_of, planner_from_vehicle, planner_from_world, vehicle_from_planner
 from agents.lav.models.crop import to_planner
@@ -41,7 +41,6 @@ _COMFORT = 3.5  # [m/s²] it brakes for a line when less would not do
 _LINE_GAP, _OVER_LINE = 1.5, 2.5  # [m] kept before a stop line; over it by more, it drives on
 _STANDS = 0.3  # [m/s]
 _WALKER_REACH = 0.7  # [m] kept free around a walker
-_AHEAD = np.array([[0.0, -k / 2.0] for k in range(1, 11)])  # [m] a way straight on
 _SIGN_REACH = 4.0  # [m] before a stop sign's line where standing counts
 
 
@@ -109,13 +108,10 @@ class PrivilegedLavAgent(PrivilegedAgent):
         walkers = _walkers(truth, len(plan), boxes[0])
         is_hit = collides(plan, others, likelihood, boxes, self.config.drive)
         is_hit |= collides(plan, *walkers, self.config.drive)
-        creep = None
-        for way, steer in ((plan, control.steer), (_AHEAD, 0.0)):  # beside what the plan comes too near to
-            inch = creeping(way)
-            is_free = not collides(inch, others, likelihood, boxes, self.config.drive)
-            if creep is None and is_free and not collides(inch, *walkers, self.config.drive):
-                creep = steer
-        return self._stuck.step(halted if is_hit else control, speed, creep)
+        inch = creep_path(len(plan))
+        is_free = not collides(inch, others, likelihood, boxes, self.config.drive)
+        is_free &= not collides(inch, *walkers, self.config.drive)
+        return self._stuck.step(halted if is_hit else control, speed, is_free)
 
     def drawings(self) -> dict[str, Drawing]:
         """Its plan and the likely forecasts."""

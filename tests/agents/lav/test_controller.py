@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.lav.config import DriveConfig, PidConfig
-from agents.lav.controller import Controller, Pid, StuckCounter, collides, creeping, planned_speed
+from agents.lav.controller import Controller, Pid, StuckCounter, collides, creep_path, planned_speed
 from lavsim.types import Control
 
 CONFIG = DriveConfig()
@@ -64,10 +64,10 @@ def test_it_creeps_after_a_while_and_only_then() -> None:
     counter = StuckCounter(CONFIG)
     stop = Control(brake=1.0)
     patience, length = round(CONFIG.stuck / 0.05), round(CONFIG.creep / 0.05)
-    controls = [counter.step(stop, 0.0, 0.1) for _ in range(patience)]
+    controls = [counter.step(stop, 0.0, True) for _ in range(patience)]
     assert all(control == stop for control in controls[:-1])
-    assert (controls[-1].throttle, controls[-1].steer) == (pytest.approx(0.4), 0.1)
-    rolling = [counter.step(stop, 1.0, 0.0) for _ in range(length + 10)]
+    assert (controls[-1].throttle, controls[-1].steer) == (pytest.approx(0.4), 0.0)
+    rolling = [counter.step(stop, 1.0, True) for _ in range(length + 10)]
     assert sum(control.throttle > 0.0 for control in rolling) == length - 1, "it creeps for a while in all"
     assert rolling[-1] == stop
 
@@ -75,11 +75,11 @@ def test_it_creeps_after_a_while_and_only_then() -> None:
 def test_nobody_creeps_into_who_stands_before_it() -> None:
     counter = StuckCounter(CONFIG)
     stop = Control(brake=1.0)
-    assert all(counter.step(stop, 0.0, None) == stop for _ in range(2 * round(CONFIG.stuck / 0.05)))
-    assert counter.step(stop, 0.0, 0.0).throttle > 0.0, "it waited long enough"
-    inch = creeping(straight(8.0) + np.array([1.0, 0.0]))
-    assert np.hypot(*inch[-1]) == pytest.approx(2.0)
-    assert creeping(np.zeros((10, 2)))[-1] == pytest.approx([0.0, -2.0])
+    assert all(counter.step(stop, 0.0, False) == stop for _ in range(2 * round(CONFIG.stuck / 0.05)))
+    assert counter.step(stop, 0.0, True).throttle > 0.0, "it waited long enough"
+    ahead = creep_path(10)
+    assert ahead[-1] == pytest.approx([0.0, -2.0])
+    assert not ahead[:, 0].any()
 
 
 CAR = (2.4, 0.95)  # half length and half width [m]
