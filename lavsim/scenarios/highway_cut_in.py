@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.geometry import forward, right
+from lavsim.geometry import right
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.enter import clear_line, enter
@@ -22,9 +22,7 @@ from lavsim.types import VehicleLight
 _BEFORE, _ROAD = 60.0, 400.0  # [m] of the slip road where no file names a place; of the car's way
 _BESIDE, _TURN = 4.5, np.radians(15.0)  # [m], [rad] of the car's way from the route's where they run side by side
 _HEAD = 9.0  # [m] that the car is ahead of the ego when it cuts in
-_SLOWER, _FASTER = 0.8, 1.25  # of the ego's speed: in its lane and shortly before; while it gets ahead
-_LAST = 15.0  # [m] of its way in which it does not wait for the ego any more
-_OVERTAKES = 5.0  # [s] at most
+_SLOWER = 0.8  # of the ego's speed
 _FASTEST, _SLOWEST = 35.0, 3.0  # [m/s] while it comes alongside
 _FAST, _LANE = 59.0 / 3.6, 3.0  # [m/s] limit of a road, [m] of the car's lane from the ego's where a new file puts it
 _SLOPE = 0.25  # of its way that it moves aside at most: slow ones take longer than 2 s
@@ -46,8 +44,8 @@ class HighwayCutInConfig:
 class HighwayCutIn(Scenario):
     """NHTSA pre-crash type: vehicle changing lanes, same direction, from a slip road.
 
-    A car on the slip road drives so that it is 9 m before the ego where the two roads run side by side (or overtakes
-    first, for 5 s at most), then changes to the ego's lane within 2 s at 80 % of the ego's speed. It is over 3 s later.
+    A car on the slip road drives so that it is right before the ego where the two roads run side by side, then changes
+    to the ego's lane within 2 s at 80 % of the ego's speed. It is over 3 s later.
 
     Parameters: other_actor_location (a place).
 
@@ -83,7 +81,6 @@ class HighwayCutIn(Scenario):
         assert found is not None  # `fits` has seen to it
         along, meeting, aside = found
         yield from _come_alongside(stage, self._car, along, meeting)
-        yield from wait.first_of(wait.seconds(_OVERTAKES), _get_ahead(stage, self._car))
         self._car.actor.switch_on(VehicleLight.LEFT_BLINKER if aside < 0.0 else VehicleLight.RIGHT_BLINKER)
         self._car.speed = _SLOWER * stage.world.ego.speed
         seconds = max(_SECONDS, abs(aside) / (_SLOPE * max(self._car.speed, 1.0)))
@@ -105,17 +102,7 @@ def _come_alongside(stage: Stage, car: LaneFollower, along: float, meeting: floa
     while car.travelled < along and not car.finished:
         left = meeting - _HEAD - (stage.progress() - stage.site.at)
         seconds = max(left / max(ego.speed, 1.0), 0.5)
-        slowest = _SLOWER * ego.speed if along - car.travelled < _LAST else _SLOWEST
-        car.speed = float(np.clip((along - car.travelled) / seconds, slowest, _FASTEST))
-        car.step()
-        yield
-
-
-def _get_ahead(stage: Stage, car: LaneFollower) -> Script:
-    """Drives faster than the ego until it is far enough ahead to cut in: nobody can mind a car that swipes its side."""
-    ego = stage.world.ego
-    while float((car.actor.xy - ego.xy) @ forward(ego.yaw)) < _HEAD and not car.finished:
-        car.speed = _FASTER * ego.speed
+        car.speed = float(np.clip((along - car.travelled) / seconds, _SLOWEST, _FASTEST))
         car.step()
         yield
 
