@@ -24,6 +24,7 @@ def show(
     video: Annotated[Path | None, typer.Option(help="Of a log: a film, *.mp4, *.webm or *.gif.")] = None,
     strip: Annotated[Path | None, typer.Option(help="Of a log: a film strip of a moment, *.png.")] = None,
     sheet: Annotated[Path | None, typer.Option(help="Of a log: a contact sheet of a moment, *.png.")] = None,
+    rerun: Annotated[Path | None, typer.Option(help="Of a log: a recording for Rerun, *.rrd.")] = None,
     at: Annotated[float | None, typer.Option(help="The moment [s]; the first infraction by default.")] = None,
     begin: Annotated[float | None, typer.Option("--from", help="Where the film begins [s].")] = None,
     end: Annotated[float | None, typer.Option("--to", help="Where the film ends [s].")] = None,
@@ -44,7 +45,12 @@ def show(
         if speed <= 0.0:
             raise typer.BadParameter(f"--speed: expected more than 0, got {speed:g}")
         stem = folder / Path(what).stem
-        if not (html or video or strip or sheet):
+        if rerun is not None:
+            from lavsim.rerun_export import write_rerun
+
+            write_rerun(Path(what), rerun, search)
+            typer.echo(str(rerun))
+        if not (html or video or strip or sheet or rerun):
             html, sheet = stem.with_suffix(".html"), stem.with_suffix(".png")
         wish = Wish(html, video, strip, sheet, at, panes, Cut(begin, end, speed=speed, panes=panes))
         with Shares() as shares:
