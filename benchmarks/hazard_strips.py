@@ -1,7 +1,7 @@
 """Film strips of hazards: six pictures each, from when the ego comes near to the end, into `docs/pictures/hazards`.
 
 `python benchmarks/hazard_strips.py` draws every hazard of a route file once, seen from above, with an ego that keeps to
-its route at 8 m/s and looks at nobody; `--types` chooses some, `--out` another folder.
+its route at 8 m/s, slower in bends, and looks at nobody; `--types` chooses some, `--out` another folder.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from lavsim.map.route import RouteTracker
 from lavsim.render.birdseye import draw_snapshot
 from lavsim.render.canvas import write_text
 from lavsim.render.scene import get_scene
+from lavsim.scenarios.moves.meeting import calm_pace
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import ActorIds, Control
 from lavsim.world.snapshot import Snapshot
@@ -27,6 +28,7 @@ ROUTES = Path("tests/scenarios/every_type.xml")
 SIZE, METRES = (176, 200), 44.0  # [px] of a picture, [m] of road in its width
 COUNT, GAP, QUALITY = 6, 3, 56
 SPEED, NEAR, LONGEST = 8.0, 34.0, 900  # [m/s], [m] of the ego from an actor of the hazard, ticks
+LOOKS = 30.0  # [m] of bends ahead for which it slows down
 AFTER = 30  # ticks shown after a contact or after the end
 WITH_TRAFFIC = ("HardBreakRoute",)  # types that act through background vehicles
 
@@ -56,9 +58,11 @@ def _control(simulation: Simulation, tracker: RouteTracker) -> Control:
     aim = route.xy[min(tracker.update(ego.xy) + 5, len(route) - 1)] - ego.xy
     angle = (np.arctan2(aim[1], aim[0]) - ego.yaw + np.pi) % (2.0 * np.pi) - np.pi
     steer = float(np.clip(1.5 * angle, -1.0, 1.0))
+    pace = float(calm_pace(route, tracker.metres(), tracker.metres() + LOOKS)[0])
     if not len(simulation.snapshot.hazards) and _is_behind_someone(simulation.snapshot):
         return Control(brake=0.6, steer=steer)  # the drive to the trigger is a good one
-    return Control(0.75 if ego.speed < SPEED else 0.0, steer)
+    excess = ego.speed - min(SPEED, pace)
+    return Control(0.75 if excess < 0.0 else 0.0, steer, 0.3 if excess > 0.5 else 0.0)
 
 
 def _is_behind_someone(snapshot: Snapshot) -> bool:
