@@ -17,6 +17,7 @@ _STANDS = 0.1  # [m/s]
 _CREEP_THROTTLE = 0.4
 _CREPT = 2.0  # [m] that a burst of it drives
 _BEHIND = 2.0  # [m] others whose first forecast lies that far behind can't be run into
+_LEAST_AIM = 3.0  # [m] the wheel is not turned for nearer waypoints
 _STEP = 0.15  # [m] between waypoints below which a path has no direction
 STOP = Control(brake=1.0)
 
@@ -55,8 +56,7 @@ class Controller:
         if not np.isfinite(plan).all():
             return STOP
         wanted = planned_speed(plan) * config.speed_ratio[command]
-        aim = plan[min(config.aim[command], len(plan) - 1)]
-        angle = math.atan2(aim[0], -aim[1])  # clockwise from straight ahead
+        angle = aim_angle(plan, config.aim[command])
         steer = min(max(self._steering.step(angle / (math.pi / 2.0)), -1.0), 1.0)
         error = min(max(wanted - speed, 0.0), config.error_clip)
         throttle = min(max(self._speed.step(error), 0.0), config.most_throttle)
@@ -86,6 +86,17 @@ class StuckCounter:
             return control
         self._left -= 1
         return Control(throttle=max(control.throttle, _CREEP_THROTTLE))
+
+
+def aim_angle(plan: Floats, first: int) -> float:
+    """Direction [rad] of a waypoint, clockwise from straight ahead: of `first` or, where that is too near, a later one.
+
+    The direction of a point half a metre ahead is that of its error, and would turn the wheels from lock to lock.
+    """
+    far = np.hypot(plan[:, 0], plan[:, 1]) >= _LEAST_AIM
+    far[: min(first, len(plan) - 1)] = False
+    aim = plan[int(np.argmax(far)) if far.any() else -1]
+    return math.atan2(aim[0], max(-aim[1], _LEAST_AIM) if not far.any() else -aim[1])
 
 
 def planned_speed(plan: Floats) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.lav.config import DriveConfig, PidConfig
-from agents.lav.controller import Controller, Pid, StuckCounter, collides, creep_path, planned_speed
+from agents.lav.controller import Controller, Pid, StuckCounter, aim_angle, collides, creep_path, planned_speed
 from lavsim.types import Control
 
 CONFIG = DriveConfig()
@@ -80,6 +80,15 @@ def test_nobody_creeps_into_who_stands_before_it() -> None:
     ahead = creep_path(10)
     assert ahead[-1] == pytest.approx([0.0, -2.0])
     assert not ahead[:, 0].any()
+
+
+def test_the_wheel_is_not_turned_for_a_waypoint_at_hand() -> None:
+    crawl = straight(0.3) + np.array([0.2, 0.0])
+    assert abs(aim_angle(crawl, 4)) == pytest.approx(np.arctan2(0.2, 3.0))
+    slow = straight(2.0) + np.array([0.2, 0.0])
+    assert aim_angle(slow, 4) == pytest.approx(np.arctan2(0.2, 3.0)), "the sixth is the first that is far enough"
+    fast = straight(8.0) + np.array([0.2, 0.0])
+    assert aim_angle(fast, 4) == pytest.approx(np.arctan2(0.2, 10.0))
 
 
 CAR = (2.4, 0.95)  # half length and half width [m]
