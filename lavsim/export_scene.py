@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -206,7 +206,7 @@ def _statics(scene: Scene) -> dict[str, Mesh]:
     for name, colour in (*_SOLID.values(), _OTHER):
         tags = [tag for tag, (known, _) in _SOLID.items() if known == name]
         rows = np.isin(solids.tag, tags) if tags else ~np.isin(solids.tag, list(_SOLID))
-        found[name] = solid_mesh(Solids(*(column[rows] for column in solids)), colour)
+        found[name] = solid_mesh(_chosen(solids, rows), colour)
     return found
 
 
@@ -216,11 +216,16 @@ def _actors(scene: Scene, snapshot: Snapshot) -> dict[str, Mesh]:
     order = np.argsort(snapshot.ids)
     row = order[np.searchsorted(snapshot.ids, solids.instance, sorter=order)]
     is_ego = snapshot.roles[row] == Role.EGO
-    found = {"ego": solid_mesh(Solids(*(column[is_ego] for column in solids)), _EGO)}
+    found = {"ego": solid_mesh(_chosen(solids, is_ego), _EGO)}
     for kind, colour in _ACTOR.items():
         rows = (snapshot.classes[row] == kind) & ~is_ego
-        found[ActorClass(kind).name.lower()] = solid_mesh(Solids(*(column[rows] for column in solids)), colour)
+        found[ActorClass(kind).name.lower()] = solid_mesh(_chosen(solids, rows), colour)
     return found
+
+
+def _chosen(solids: Solids, rows: NDArray[np.bool_]) -> Solids:
+    columns: tuple[Any, ...] = tuple(solids)
+    return Solids(*(column[rows] for column in columns))
 
 
 def solid_mesh(solids: Solids, colour: Rgb) -> Mesh:

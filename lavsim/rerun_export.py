@@ -34,7 +34,7 @@ def write_rerun(log: Path, path: Path, town_path: tuple[Path, ...] = ()) -> None
         LavsimError: the log can't be read, or the file can't be written.
     """
     try:
-        import rerun
+        import rerun  # type: ignore[import-not-found, unused-ignore]
     except ImportError:
         raise ConfigError("--rerun needs Rerun: pip install 'lavsim[rerun]'.") from None
     reader = LogReader(log)

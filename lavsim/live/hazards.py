@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -23,7 +23,8 @@ _SAME = 5  # route points between a place and where the director finds its trigg
 
 def kinds() -> list[str]:
     """Types of hazards that can be set under way."""
-    found = [kind for generation, kind in SCENARIOS if generation == GENERATION]  # type: ignore[misc]
+    keys = cast(Iterable[tuple[str, str]], SCENARIOS)
+    found = [kind for generation, kind in keys if generation == GENERATION]
     known = ((kind, SCENARIOS[GENERATION, kind]) for kind in found)
     return sorted(kind for kind, scenario in known if scenario.acts and not scenario.starts_route)
 

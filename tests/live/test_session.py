@@ -7,15 +7,19 @@ from typing import Any
 
 import pytest
 
-from lavsim.agent import AgentFailure, AgentStatus
-from lavsim.episode import EpisodeResult
+from lavsim.agent import AgentFailure, AgentSpec, AgentStatus, InProcessAgent, plan_of
+from lavsim.episode import EpisodeResult, run_episode
 from lavsim.live.commands import Command
+from lavsim.live.drivers import AgentDriver
 from lavsim.live.session import Session
 from lavsim.log.reader import LogReader
 from lavsim.log.replay import digest_of, resume
 from lavsim.log.writer import LogWriter
+from lavsim.render.scene import get_scene
+from lavsim.sensors.base import SensorSuite
 from lavsim.simulation import Simulation
 from lavsim.types import Control
+from lavsim.world.snapshot import Snapshot
 from tests.live.drives import RouteDriver, session
 
 
@@ -155,3 +159,32 @@ def test_names_of_saves_are_the_servers_own(tmp_path: Path) -> None:
     names = [ask(live, "save")["saved"] for _ in range(2)]
     assert names == ["live_______etc____x_seed0_001.lavlog", "live_______etc____x_seed0_002.lavlog"]
     assert sorted(path.name for path in tmp_path.iterdir()) == names
+
+
+def test_watched_agent_drives_as_it_is_scored(tmp_path: Path) -> None:
+    target = "agents.baselines.constant_speed"
+    live = session(tmp_path, AgentDriver(AgentSpec(target)))
+    live.advance(8)
+    live.close()
+    simulation, agent = Simulation(live.simulation.spec), InProcessAgent(AgentSpec(target))
+    agent.start(plan_of(simulation.route, simulation.town))
+    suite = SensorSuite(get_scene(simulation.town), agent.sensors(), simulation.draws)
+    digests = _Digests()
+    run_episode(simulation, agent, [digests], suite, max_ticks=9)
+    assert [digest_of(s) for s in live.history.snapshots] == digests.seen
+
+
+class _Digests:
+    """Observer that keeps a digest of each tick."""
+
+    def __init__(self) -> None:
+        self.seen: list[str] = []
+
+    def start(self, simulation: Simulation) -> None:
+        pass
+
+    def observe(self, snapshot: Snapshot) -> None:
+        self.seen.append(digest_of(snapshot))
+
+    def finish(self, result: EpisodeResult) -> None:
+        pass
