@@ -87,6 +87,18 @@ def test_measures_and_pictures(recorded: Path, tmp_path: Path, name: str, kind: 
     assert (tmp_path / "pictures" / f"{name}.png").stat().st_size > 1000
 
 
+def test_a_segmentation_that_was_killed_goes_on_to_the_same_bits(recorded: Path, tmp_path: Path) -> None:
+    train = TrainConfig(batch=2, epochs=0.2, precision="float32", save_every=1)
+    for folder, stops in (("whole", (None,)), ("pieces", (1, 2, None))):
+        for stop in stops:
+            stage = SegmentationStage(StageInput(MICRO, train, Dataset(recorded)))
+            path = train_stage("segmentation", stage, MICRO, train, tmp_path / folder, stop_at=stop)
+    first, second = (read_weights(tmp_path / name / "segmentation.safetensors") for name in ("whole", "pieces"))
+    assert path is not None
+    assert first.lineage["steps"] >= 3
+    assert all(torch.equal(first.tensors[name], second.tensors[name]) for name in first.tensors)
+
+
 @pytest.mark.parametrize("kind", [SegmentationStage, BrakeStage])
 def test_a_dataset_without_tags_gets_one_line(recorded: Path, kind: Any) -> None:
     with pytest.raises(ConfigError, match=r"needs sem_\d.*does not hold"):
