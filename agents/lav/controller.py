@@ -72,15 +72,25 @@ class StuckCounter:
 
     def __init__(self, config: DriveConfig) -> None:
         self._patience, self._length = round(config.stuck / DT), round(config.creep / DT)
-        self._stood = self._left = 0
+        self._long_patience = round(config.stuck_held / DT)
+        self._stood = self._held = self._left = 0
 
-    def step(self, control: Control, speed: float, is_free: bool) -> Control:
+    def step(self, control: Control, speed: float, is_free: bool, is_held: bool = False) -> Control:
         """The control, or one that creeps straight on where that is free.
 
         Straight on only: plans that come too near to somebody lead beside him, and in a queue between two lanes.
+
+        Args:
+            control: What else would be done.
+            speed: Of the ego [m/s].
+            is_free: Whether nobody is in the way of a burst of creeping.
+            is_held: Whether it stands because it is told to, as before a red light: that may last.
         """
-        self._stood = self._stood + 1 if speed < _STANDS else 0
-        if self._stood >= self._patience:
+        if speed >= _STANDS:
+            self._stood = self._held = 0
+        self._stood += not is_held and speed < _STANDS
+        self._held += is_held and speed < _STANDS
+        if self._held >= self._long_patience or (self._stood >= self._patience and not is_held):
             self._left = self._length
         if self._left <= 0 or not is_free:
             return control

@@ -16,15 +16,24 @@ from numpy.typing import NDArray
 
 from agents.behavior.path import PathTracker, path_of_plan
 from agents.behavior.road import StopPoint, stop_points
-from agents.lav.config import COMMANDS, TIME_STEP, LavConfig
-from agents.lav.controller import STOP, Controller, StuckCounter, collides, creep_path, planned_speed
+from agents.lav.config import LavConfig
 from agents.lav.data.arrays import grid_layers
-from agents.lav.frames import command_of, planner_from_vehicle, planner_from_world, vehicle_from_planner
-from agents.lav.models.crop import to_planner
+from agents.lav.driving import (
+    Driver,
+    Forecasts,
+    Outlook,
+    drawings_of,
+    goals_of,
+    guide_of,
+    outlook_of,
+    straight_forecasts,
+    vehicle_forecasts,
+)  # fmt: skip
+from agents.lav.frames import command_of, planner_from_vehicle, planner_from_world
 from agents.lav.models.teacher import LABEL_LAYERS, MotionNetwork, make_teacher
 from agents.lav.weights import read_weights
 from agents.privileged import PrivilegedAgent
-from lavsim.drawings import Drawing, polylines, scalar
+from lavsim.drawings import Drawing
 from lavsim.errors import ConfigError
 from lavsim.geometry import to_local, wrap_angle
 from lavsim.guidance import Guide
@@ -40,7 +49,6 @@ _SAME_LEVEL = 3.0  # [m]
 _COMFORT = 3.5  # [m/s²] it brakes for a line when less would not do
 _LINE_GAP, _OVER_LINE = 1.5, 2.5  # [m] kept before a stop line; over it by more, it drives on
 _STANDS = 0.3  # [m/s]
-_WALKER_REACH = 0.7  # [m] kept free around a walker
 _SIGN_REACH = 4.0  # [m] before a stop sign's line where standing counts
 
 
@@ -63,8 +71,7 @@ class PrivilegedLavAgent(PrivilegedAgent):
         self.config = weights.config
         self.network: MotionNetwork = make_teacher(self.config).eval()
         self.network.load_state_dict(dict(weights.tensors))
-        self._controller = Controller(self.config.drive)
-        self._stuck = StuckCounter(self.config.drive)
+        self._driver: Driver | None = None
         self._guide: Guide | None = None
         self._lines: _Lines | None = None
         self._bev = bev_sensor(self.config)
@@ -82,12 +89,11 @@ class PrivilegedLavAgent(PrivilegedAgent):
 
     def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
         truth = input_data["truth"][1]
-        if self._guide is None or self._lines is None:
-            nodes = self._global_plan or []
-            gps = np.array([[node["lat"], node["lon"]] for node, _ in nodes])
-            self._guide = Guide(gps, [int(option) for _, option in nodes])
+        if self._guide is None or self._lines is None or self._driver is None:
+            self._guide = guide_of(self._global_plan or [])
             path = path_of_plan(self.dense_plan)
             self._lines = _Lines(PathTracker(path), stop_points(path, load_town(truth["town"])))
+            self._driver = Driver(self.config.drive, truth["sizes"][0, :2] / 2.0)
         self._guide.update(input_data["gps"][1])
         guidance = self._guide.now(float(input_data["imu"][1][6]))
         speed = max(float(input_data["speed"][1]["speed"]), 0.0)
@@ -95,55 +101,27 @@ class PrivilegedLavAgent(PrivilegedAgent):
         rows, poses = _vehicles(truth, self.config)
         speeds = np.linalg.norm(truth["velocities"][rows, :2], axis=1)
         speeds[0] = speed
-        goals = np.stack([guidance.goal, guidance.next_goal]).astype(np.float64)
-        plan, others, likelihood = self._motions(input_data["bev"][1], poses, speeds, goals, command)
-        # Whoever stands may pull out, but held for it the ego would not pass a parked car.
-        stands = speeds[1:] < _STANDS
-        others[stands] = poses[1:, None, None, :2][stands]
-        control = self._controller.follow(plan, speed, command)
-        halted = Control(steer=control.steer, brake=STOP.brake)
+        outlook = self._outlook(input_data["bev"][1], poses, speeds, goals_of(guidance), command)
         if self._lines.must_stop(truth, speed):
-            return halted  # who waits for a light is not stuck
-        boxes = np.column_stack([poses[:, 2], truth["sizes"][rows, :2] / 2.0]).astype(np.float64)
-        walkers = _walkers(truth, len(plan), boxes[0])
-        is_hit = collides(plan, others, likelihood, boxes, self.config.drive)
-        is_hit |= collides(plan, *walkers, self.config.drive)
-        inch = creep_path(len(plan))
-        is_free = not collides(inch, others, likelihood, boxes, self.config.drive)
-        is_free &= not collides(inch, *walkers, self.config.drive)
-        return self._stuck.step(halted if is_hit else control, speed, is_free)
+            return self._driver.halt(outlook.plan, speed, command)
+        sizes, stands = truth["sizes"][rows[1:], :2] / 2.0, speeds[1:] < _STANDS
+        vehicles = vehicle_forecasts(outlook, poses[1:].astype(np.float64), sizes, stands)
+        walkers = _walkers(truth, len(outlook.plan))
+        return self._driver.step(outlook.plan, [vehicles, walkers], speed, command)
 
     def drawings(self) -> dict[str, Drawing]:
         """Its plan and the likely forecasts."""
         return self._shown
 
-    def _motions(
+    def _outlook(
         self, layers: NDArray[np.uint8], places: NDArray[np.float32], speeds: Floats, targets: Floats, command: int
-    ) -> tuple[Floats, Floats, Floats]:
-        """The plan (T, 2), forecasts (N, 6, T, 2) of others and their likelihoods (N, 6), in the planner's frame."""
+    ) -> Outlook:
         image = torch.from_numpy(grid_layers(layers, self._drawn, self.config.grid)).float()
-        poses = torch.from_numpy(places)
-        goals = torch.from_numpy(planner_from_vehicle(targets).astype(np.float32))
-        known = torch.from_numpy(speeds.astype(np.float32))
+        poses, goals, known = (torch.from_numpy(part.astype(np.float32))[None] for part in (places, targets, speeds))
         with torch.inference_mode():
-            motions = self.network(image[None], poses[None], goals[None], known[None])
-            own = motions.refined[0, -1] if motions.refined.shape[1] else motions.coarse[0, 0]
-            if command >= 4 and not self.config.drive.refined_lane_change:
-                own = motions.coarse[0, 0]
-            others = to_planner(motions.coarse[0, 1:], poses[1:, None])
-            likelihood = torch.sigmoid(motions.commands[0, 1:])
-        plan = own[command].numpy().astype(np.float64)
-        found = others.numpy().astype(np.float64), likelihood.numpy().astype(np.float64)
-        self._show(plan, *found)
-        return plan, *found
-
-    def _show(self, plan: Floats, others: Floats, likelihood: Floats) -> None:
-        likely = likelihood >= self.config.drive.likely
-        self._shown = {
-            "plan": polylines([vehicle_from_planner(plan)], frame="ego"),
-            "forecast": polylines(list(vehicle_from_planner(others[likely])), likelihood[likely], frame="ego"),
-            "planned speed": scalar(planned_speed(plan) * 3.6, "km/h"),
-        }
+            outlook = outlook_of(self.network(image[None], poses, goals, known), poses, command, self.config.drive)
+        self._shown = drawings_of(outlook, self.config.drive)
+        return outlook
 
 
 def bev_sensor(config: LavConfig) -> dict[str, Any]:
@@ -179,16 +157,13 @@ def _vehicles(truth: Mapping[str, Any], config: LavConfig) -> tuple[NDArray[np.i
     return rows, poses
 
 
-def _walkers(truth: Mapping[str, Any], steps: int, ego: Floats) -> tuple[Floats, Floats, Floats]:
-    """Walkers ahead who go on as they go: forecasts (N, 6, T, 2), likelihoods (N, 6) and boxes (1 + N, 3)."""
-    xyz, yaw = truth["xyz"], float(truth["yaw"][0])
+def _walkers(truth: Mapping[str, Any], steps: int) -> Forecasts:
+    """Walkers who go on as they go."""
+    origin, yaw = truth["xyz"][0, :2], float(truth["yaw"][0])
     rows = np.flatnonzero(truth["classes"] == ActorClass.WALKER)
-    time = TIME_STEP * np.arange(1, steps + 1)[:, None]
-    world = xyz[rows, None, :2] + truth["velocities"][rows, None, :2] * time
-    paths = planner_from_world(world, xyz[0, :2], yaw)
-    forecasts = np.broadcast_to(paths[:, None], (len(rows), COMMANDS, steps, 2))
-    boxes = np.concatenate([ego[None], np.tile([0.0, _WALKER_REACH, _WALKER_REACH], (len(rows), 1))])
-    return forecasts, np.ones((len(rows), COMMANDS)), boxes
+    places = planner_from_world(truth["xyz"][rows, :2], origin, yaw)
+    velocities = planner_from_world(truth["velocities"][rows, :2], np.zeros(2), yaw)
+    return straight_forecasts(places, velocities, steps)
 
 
 class _Lines:

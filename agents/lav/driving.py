@@ -1,0 +1,154 @@
+"""From motions to a control, the same for the teacher's agent and the sensors': plan, forecasts, and what overrules.
+
+Source: reference `lav.md` 6.2 to 6.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from agents.lav.config import COMMANDS, TIME_STEP, DriveConfig
+from agents.lav.controller import STOP, Controller, StuckCounter, collides, creep_path, planned_speed
+from agents.lav.frames import planner_from_vehicle, vehicle_from_planner
+from agents.lav.models.crop import to_planner
+from agents.lav.models.teacher import Motions
+from lavsim.drawings import Drawing, polylines, scalar
+from lavsim.guidance import Guidance, Guide
+from lavsim.types import Control
+
+Floats = NDArray[np.float64]
+
+WALKER_REACH = 0.7  # [m] kept free around a walker
+_CHANGE = 4  # commands from here on change lanes
+
+
+class Forecasts(NamedTuple):
+    """Where others may go, in the ego's planner frame.
+
+    Attributes:
+        paths: (N, 6, T, 2) by command [m].
+        likelihood: (N, 6).
+        boxes: (N, 3) heading now [rad], half length and half width [m].
+    """
+
+    paths: Floats
+    likelihood: Floats
+    boxes: Floats
+
+
+class Outlook(NamedTuple):
+    """What the motion networks say of a tick, in the ego's planner frame.
+
+    Attributes:
+        plan: (T, 2) the ego's [m].
+        paths: (N, 6, T, 2) others' by command [m].
+        likelihood: (N, 6).
+    """
+
+    plan: Floats
+    paths: Floats
+    likelihood: Floats
+
+
+def guide_of(plan: Sequence[tuple[Mapping[str, float], Any]]) -> Guide:
+    """What leads along the thinned plan that an agent was given."""
+    gps = np.array([[node["lat"], node["lon"]] for node, _ in plan])
+    return Guide(gps, [int(option) for _, option in plan])
+
+
+def goals_of(guidance: Guidance) -> Floats:
+    """(2, 2) the next two goal points in the planner frame [m]."""
+    return planner_from_vehicle(np.stack([guidance.goal, guidance.next_goal]))
+
+
+def outlook_of(motions: Motions, poses: Tensor, command: int, config: DriveConfig) -> Outlook:
+    """The plan of the command, refined but for lane changes, and others' coarse paths.
+
+    Args:
+        motions: Of one frame.
+        poses: (1, 1 + N, 3) of the ego and the others.
+        command: 0 to 5.
+        config: Which plan changes lanes.
+    """
+    is_coarse = command >= _CHANGE and not config.refined_lane_change
+    refined = motions.refined.shape[1] and not is_coarse
+    own = motions.refined[0, -1] if refined else motions.coarse[0, 0]
+    others = to_planner(motions.coarse[0, 1:], poses[0, 1:, None])
+    likelihood = torch.sigmoid(motions.commands[0, 1:])
+    return Outlook(*(part.numpy().astype(np.float64) for part in (own[command], others, likelihood)))
+
+
+def vehicle_forecasts(outlook: Outlook, poses: Floats, sizes: Floats, stands: NDArray[np.bool_]) -> Forecasts:
+    """Others' forecasts; those who stand (N,) stay.
+
+    Whoever stands may pull out, but held for it the ego would not pass a parked car.
+
+    Args:
+        outlook: Of the tick.
+        poses: (N, 3) of the others.
+        sizes: (N, 2) half length and half width [m].
+        stands: (N,).
+    """
+    paths = outlook.paths.copy()
+    paths[stands] = poses[stands, None, None, :2]
+    return Forecasts(paths, outlook.likelihood, np.column_stack([poses[:, 2], sizes]))
+
+
+def straight_forecasts(places: Floats, velocities: Floats, steps: int) -> Forecasts:
+    """Walkers at places (N, 2) who go on as they go, with velocities (N, 2) [m/s]."""
+    time = TIME_STEP * np.arange(1, steps + 1)[:, None]
+    paths = places[:, None] + velocities[:, None] * time
+    shape = (len(places), COMMANDS)
+    boxes = np.tile([0.0, WALKER_REACH, WALKER_REACH], (len(places), 1))
+    return Forecasts(np.broadcast_to(paths[:, None], (*shape, steps, 2)), np.ones(shape), boxes)
+
+
+class Driver:
+    """Drives plans, stops before whoever comes into the way, and creeps on where it is stuck.
+
+    Args:
+        config: Gains and limits.
+        half_size: (2,) half length and half width of the ego [m].
+    """
+
+    def __init__(self, config: DriveConfig, half_size: Sequence[float]) -> None:
+        self._config = config
+        self._box = np.array([0.0, *half_size])
+        self._controller = Controller(config)
+        self._stuck = StuckCounter(config)
+
+    def step(
+        self, plan: Floats, others: Sequence[Forecasts], speed: float, command: int, is_held: bool = False
+    ) -> Control:
+        """The control; full brakes where the plan meets a likely forecast, or a network that may err holds it."""
+        control = self._controller.follow(plan, speed, command)
+        if is_held or self._hits(plan, others):
+            control = Control(steer=control.steer, brake=STOP.brake)
+        is_free = not self._hits(creep_path(len(plan)), others)
+        return self._stuck.step(control, speed, is_free, is_held)
+
+    def halt(self, plan: Floats, speed: float, command: int) -> Control:
+        """Full brakes for what is known for sure: who waits for a light is not stuck."""
+        return Control(steer=self._controller.follow(plan, speed, command).steer, brake=STOP.brake)
+
+    def _hits(self, plan: Floats, others: Sequence[Forecasts]) -> bool:
+        return any(
+            collides(plan, each.paths, each.likelihood, np.concatenate([self._box[None], each.boxes]), self._config)
+            for each in others
+        )
+
+
+def drawings_of(outlook: Outlook, config: DriveConfig) -> dict[str, Drawing]:
+    """Plan and likely forecasts, for whoever looks."""
+    likely = outlook.likelihood >= config.likely
+    return {
+        "plan": polylines([vehicle_from_planner(outlook.plan)], frame="ego"),
+        "forecast": polylines(list(vehicle_from_planner(outlook.paths[likely])), outlook.likelihood[likely], "ego"),
+        "planned speed": scalar(planned_speed(outlook.plan) * 3.6, "km/h"),
+    }
