@@ -81,10 +81,16 @@ def scan_points(
         parts.append(points)
     points = np.concatenate(parts)
     points[:, :2] = turned(points[:, :2], angle)
-    points = _some(points[_on_grid(points, config.grid)], config.pillars.points * scans, draws)
+    points = thinned(points, config, draws)
     if config.painted:
         points[~in_front_view(points), 4 : 4 + SCORES] = 0.0
     return points
+
+
+def thinned(points: Floats, config: LavConfig, draws: Draws | None = None) -> Floats:
+    """Those of points (P, >= 3) that lie on the grid, and of them no more than the networks take."""
+    most = config.pillars.points * config.temporal.scans
+    return _some(points[_on_grid(points, config.grid)], most, draws)
 
 
 def _one_scan(data: Dataset, episode: int, frame: int, config: LavConfig, scores: Scores | None) -> Floats:

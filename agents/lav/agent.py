@@ -1,0 +1,145 @@
+"""LAV from sensors alone: cameras paint points, points tell who is where, motions are foreseen, and one is driven.
+
+The order within a tick is the original's (reference `lav.md` 6.2); what differs is in `docs/lav-agent.md`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from agents.lav.driving import (
+    Driver,
+    Forecasts,
+    Outlook,
+    drawings_of,
+    goals_of,
+    guide_of,
+    outlook_of,
+    straight_forecasts,
+    vehicle_forecasts,
+)  # fmt: skip
+from agents.lav.frames import command_of, planner_from_world, vehicle_from_planner, world_from_planner
+from agents.lav.localise import EgoFilter, Pose
+from agents.lav.models.detection import Detections
+from agents.lav.perceive import CAMERAS, LIDAR, SUITE, TELEPHOTO, Perceiver, Sight, read_trained
+from agents.lav.scans import Scans
+from agents.lav.tracking import Tracker
+from lavsim.agent import Agent, Track
+from lavsim.drawings import Drawing, boxes, points, raster, scalar
+from lavsim.guidance import Guide
+from lavsim.types import Control
+
+Floats = NDArray[np.float64]
+
+_HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
+_SHOWN_POINTS = 3_000
+
+
+def get_entry_point() -> str:
+    """The class the leaderboard runs."""
+    return "LavAgent"
+
+
+class LavAgent(Agent):
+    """The student behind the wheel.
+
+    Its configuration is the folder of a training, or the file of a student's weights; those that ship by default.
+    """
+
+    def setup(self, path_to_conf_file: str | None) -> None:
+        self.track = Track.SENSORS
+        torch.set_num_threads(1)
+        self._eyes = Perceiver(read_trained(path_to_conf_file))
+        self.config = self._eyes.config
+        self._driver = Driver(self.config.drive, _HALF_SIZE)
+        self._place, self._scans = EgoFilter(), Scans(self.config)
+        self._vehicles, self._walkers = Tracker(), Tracker()
+        self._guide: Guide | None = None
+        self._steer = 0.0
+        self._shown: tuple[Sight, Forecasts, Outlook, float] | None = None
+
+    def sensors(self) -> list[dict[str, Any]]:
+        return [dict(sensor) for sensor in SUITE]
+
+    def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
+        readings = {name: reading for name, (_, reading) in input_data.items()}
+        speed, compass = max(float(readings["EGO"]["speed"]), 0.0), float(readings["IMU"][6])
+        pose = self._place.update(readings["GPS"], compass, speed, self._steer)
+        goals, command = self._goals(readings, pose)
+        images = [_rgb(readings[name]) for name in CAMERAS]
+        scan = self._eyes.paint(self._scans.merged(readings[LIDAR]), images)
+        sight = self._eyes.see(self._scans.stacked(scan, pose))
+        brake = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
+        outlook, vehicles = self._motions(sight, pose, goals, speed, command)
+        walkers = self._on_foot(sight.walkers, pose, len(outlook.plan))
+        is_held = brake > self.config.drive.brake_score
+        control = self._driver.step(outlook.plan, [vehicles, walkers], speed, command, is_held)
+        self._steer = control.steer
+        self._shown = sight, vehicles, outlook, brake
+        return control
+
+    def drawings(self) -> dict[str, Drawing]:
+        """Plan, forecasts, who was found, the map, painted points, and how sure it is to brake."""
+        if self._shown is None:
+            return {}
+        sight, _, outlook, brake = self._shown
+        return {
+            **drawings_of(outlook, self.config.drive),
+            "vehicles": _drawn_boxes(sight.vehicles),
+            "walkers": _drawn_boxes(sight.walkers),
+            "road": self._drawn_map(sight),
+            "points": points(sight.points[:: max(len(sight.points) // _SHOWN_POINTS, 1), :2], frame="ego"),
+            "brake": scalar(brake),
+        }
+
+    def _goals(self, readings: dict[str, Any], pose: Pose) -> tuple[Floats, int]:
+        """(2, 2) goal points in the planner frame [m], and the command."""
+        if self._guide is None:
+            self._guide = guide_of(self._global_plan or [])
+        self._guide.update(self._place.gps() if self.config.drive.filtered else readings["GPS"])
+        guidance = self._guide.now(pose.yaw + np.pi / 2.0)
+        return goals_of(guidance), command_of(int(guidance.command))
+
+    def _motions(
+        self, sight: Sight, pose: Pose, goals: Floats, speed: float, command: int
+    ) -> tuple[Outlook, Forecasts]:
+        """The ego's plan, and forecasts of the nearest vehicles."""
+        found = sight.vehicles.boxes.numpy().astype(np.float64)
+        velocities = self._vehicles.update(world_from_planner(found[:, :2], *pose))
+        ahead = np.flatnonzero(found[:, 1] < 0.0)
+        nearest = ahead[np.argsort(np.hypot(*found[ahead, :2].T), kind="stable")][: self.config.drive.forecasts]
+        others, speeds = found[nearest], np.hypot(*velocities[nearest].T)
+        poses = torch.from_numpy(np.concatenate([np.zeros((1, 3)), others[:, :3]]).astype(np.float32))[None]
+        known = torch.from_numpy(np.concatenate([[speed], speeds]).astype(np.float32))[None]
+        targets = torch.from_numpy(goals.astype(np.float32))[None]
+        motions = self._eyes.foresee(sight.features, poses, targets, known)
+        outlook = outlook_of(motions, poses, command, self.config.drive)
+        stands = speeds < self.config.drive.standing  # not so where they are not known
+        return outlook, vehicle_forecasts(outlook, others[:, :3], others[:, 3:], stands)
+
+    def _on_foot(self, found: Detections, pose: Pose, steps: int) -> Forecasts:
+        """Walkers go on as they go, as far as that is known."""
+        places = found.boxes.numpy().astype(np.float64)
+        velocities = np.nan_to_num(self._walkers.update(world_from_planner(places[:, :2], *pose)))
+        return straight_forecasts(places[:, :2], planner_from_world(velocities, np.zeros(2), pose.yaw), steps)
+
+    def _drawn_map(self, sight: Sight) -> Drawing:
+        grid = self.config.grid
+        road, solid, broken = torch.sigmoid(sight.map).numpy()
+        shown = np.clip(0.5 * road + 0.5 * np.maximum(solid, broken), 0.0, 1.0)
+        return raster(shown, ((grid.ahead - grid.behind) / 2.0, 0.0, 0.0), grid.cell, "ego")
+
+
+def _drawn_boxes(found: Detections) -> Drawing:
+    box = found.boxes.numpy().astype(np.float64)
+    poses = np.column_stack([vehicle_from_planner(box[:, :2]), box[:, 2], 2.0 * box[:, 3:]])
+    return boxes(poses, found.scores.numpy(), frame="ego")
+
+
+def _rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W, 3) red first of a camera's (H, W, 4), blue first."""
+    return np.ascontiguousarray(image[..., 2::-1])
