@@ -20,6 +20,18 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", is_eager=True, help="Print the version and leave.")] = False,
+) -> None:
+    if version:
+        from lavsim import __version__
+
+        typer.echo(__version__)
+        raise typer.Exit()
+
+
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON array on stdout and nothing else.")]
 TownPath = Annotated[
     list[Path] | None, typer.Option("--town-path", help="Folder with towns (*.xodr); may be given again.")
