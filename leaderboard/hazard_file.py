@@ -23,6 +23,8 @@ TRIES = 120  # ways through a town that are looked at for a type
 CANDIDATES = 4  # stands in a town of which the first good one is taken
 TRAFFIC = "empty"
 THROUGH_TRAFFIC = {"Scenario7", "Scenario8", "Scenario9", "Scenario10", "HardBreakRoute"}  # they act through it
+OFF_THE_EGO = {"HardBreakRoute"}  # acts on vehicles right ahead of the ego, which 2.x's traffic keeps there
+DENSE = "leaderboard"
 
 Good = Callable[[RouteEntry], bool]
 
@@ -94,5 +96,5 @@ def _stands(town: str, generation: str, kind: str) -> list[Stand]:
 def _entry(town: str, stand: Stand, place: int) -> RouteEntry:
     weather = list(WEATHERS.values())[place % len(WEATHERS)]
     entry = entry_of(load_town(town), "0", stand.route.keypoints, (WeatherKeyframe(0.0, weather),))
-    traffic = "lav" if stand.spec.type in THROUGH_TRAFFIC else TRAFFIC
+    traffic = DENSE if stand.spec.type in OFF_THE_EGO else "lav" if stand.spec.type in THROUGH_TRAFFIC else TRAFFIC
     return replace(entry, scenarios=(stand.spec,), traffic=traffic)

@@ -22,7 +22,9 @@ from lavsim.types import VehicleLight
 _BEFORE, _ROAD = 60.0, 400.0  # [m] of the slip road where no file names a place; of the car's way
 _BESIDE, _TURN = 4.5, np.radians(15.0)  # [m], [rad] of the car's way from the route's where they run side by side
 _HEAD = 9.0  # [m] that the car is ahead of the ego when it cuts in
-_SLOWER = 0.8  # of the ego's speed
+_CLOSE, _SPARE = 1.0, 3.0  # [m] off that at most; more of it before the end of the slip road, whose bend makes slow
+_LAST, _GAIN = 15.0, 0.1  # [m] of its way before it is beside the ego: from there on it minds its place, [1/m]
+_SLOWER, _FASTER = 0.8, 1.3  # of the ego's speed
 _FASTEST, _SLOWEST = 35.0, 3.0  # [m/s] while it comes alongside
 _FAST, _LANE = 59.0 / 3.6, 3.0  # [m/s] limit of a road, [m] of the car's lane from the ego's where a new file puts it
 _SLOPE = 0.25  # of its way that it moves aside at most: slow ones take longer than 2 s
@@ -44,8 +46,8 @@ class HighwayCutInConfig:
 class HighwayCutIn(Scenario):
     """NHTSA pre-crash type: vehicle changing lanes, same direction, from a slip road.
 
-    A car on the slip road drives so that it is right before the ego where the two roads run side by side, then changes
-    to the ego's lane within 2 s at 80 % of the ego's speed. It is over 3 s later.
+    A car on the slip road drives so that it is 9 m before the ego where the two roads run side by side, or soon after,
+    then changes to the ego's lane within 2 s at 80 % of the ego's speed. It is over 3 s later.
 
     Parameters: other_actor_location (a place).
 
@@ -97,12 +99,22 @@ class HighwayCutIn(Scenario):
 
 
 def _come_alongside(stage: Stage, car: LaneFollower, along: float, meeting: float) -> Script:
-    """Drives so that it arrives at `along` metres of its way just before the ego at `meeting` metres of the route."""
+    """Drives so that it is `_HEAD` before the ego at `along` metres of its way, `meeting` metres of the route.
+
+    Where it is not yet then, or has not been able to wait for so long, it makes up for it beside the ego: who is cut in
+    on from its side has nothing to brake for.
+    """
     ego = stage.world.ego
-    while car.travelled < along and not car.finished:
-        left = meeting - _HEAD - (stage.progress() - stage.site.at)
-        seconds = max(left / max(ego.speed, 1.0), 0.5)
-        car.speed = float(np.clip((along - car.travelled) / seconds, _SLOWEST, _FASTEST))
+    while not car.finished:
+        left, to_meeting = along - car.travelled, meeting - (stage.progress() - stage.site.at)
+        head = to_meeting - left
+        if left <= 0.0 and abs(head - _HEAD) < _CLOSE:
+            break
+        if left > _LAST or (left > 0.0 and head > _HEAD + _SPARE):
+            seconds = max((to_meeting - _HEAD - _SPARE) / max(ego.speed, 1.0), 0.5)
+            car.speed = float(np.clip(left / seconds, _SLOWEST, _FASTEST))
+        else:
+            car.speed = ego.speed * float(np.clip(1.0 + _GAIN * (_HEAD - head), _SLOWER, _FASTER))
         car.step()
         yield
 
