@@ -1,0 +1,175 @@
+"""LAV behind the wheel: what it needs, and that it drives, looks and stops on sensors alone."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
+
+from agents.lav.agent import LavAgent
+from agents.lav.config import LavConfig, find_preset
+from agents.lav.driving import Driver, Forecasts, Outlook, straight_forecasts, vehicle_forecasts
+from agents.lav.localise import Pose
+from agents.lav.models.brake import BrakeNetwork
+from agents.lav.models.segmentation import make_segmentation
+from agents.lav.models.student import Student
+from agents.lav.perceive import Perceiver, read_trained
+from agents.lav.scans import Scans
+from agents.lav.weights import Weights, write_weights
+from lavsim.agent import AgentSpec, InProcessAgent, Track, load_agent_class, plan_of
+from lavsim.drawings import checked_all
+from lavsim.errors import ConfigError
+from lavsim.render.scene import get_scene
+from lavsim.sensors.base import SensorSuite
+from lavsim.simulation import Simulation
+from lavsim.types import Control
+from tests.drives import straight_drive
+
+MICRO = find_preset("micro")
+AHEAD = np.stack([np.zeros(10), -1.5 * np.arange(1, 11)], axis=1)  # a plan at 6 m/s
+BOX = [0.0, 2.4, 1.0]
+
+
+@cache
+def networks(config: LavConfig) -> dict[str, torch.nn.Module]:
+    torch.manual_seed(1)
+    return {
+        "full": Student(config),
+        "segmentation": make_segmentation(config.segmentation),
+        "brake": BrakeNetwork(config),
+    }
+
+
+def trained(folder: Path, config: LavConfig = MICRO, **configs: LavConfig) -> Path:
+    """A folder as a training leaves it, with weights that have learnt nothing."""
+    for stage in ("full", "segmentation", "brake"):
+        own = configs.get(stage, config)
+        path = folder / stage / f"{stage}.safetensors"
+        write_weights(path, Weights(stage, own, networks(own)[stage].state_dict()))
+    return folder
+
+
+def forecast(x: float, y: float, speed: float, likelihood: float = 1.0) -> Forecasts:
+    """Of somebody at (x, y) who drives to the left."""
+    path = np.stack([x - speed * 0.25 * np.arange(1, 11), np.full(10, y)], axis=1)
+    paths = np.broadcast_to(path, (1, 6, 10, 2))
+    return Forecasts(paths, np.full((1, 6), likelihood), np.array([[-np.pi / 2.0, 2.4, 1.0]]))
+
+
+def driver() -> Driver:
+    return Driver(MICRO.drive, BOX[1:])
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "speed", "likelihood", "stops"),
+    [
+        (12.0, -10.0, 7.0, 0.9, True),
+        (12.0, -10.0, 7.0, 0.1, False),
+        (40.0, -10.0, 7.0, 0.9, False),
+        (12.0, 5.0, 7.0, 0.9, False),
+        (4.0, -10.0, 0.0, 0.9, False),
+    ],
+)
+def test_it_stops_before_whoever_likely_crosses_its_plan(
+    x: float, y: float, speed: float, likelihood: float, stops: bool
+) -> None:
+    control = driver().step(AHEAD, [forecast(x, y, speed, likelihood)], 6.0, 3)
+    assert (control.brake == 1.0) == stops
+
+
+def test_walkers_go_on_as_they_go() -> None:
+    places, velocities = np.array([[3.0, -8.0]]), np.array([[-2.0, 0.0]])
+    assert driver().step(AHEAD, [straight_forecasts(places, velocities, 10)], 6.0, 3).brake == 1.0
+    assert driver().step(AHEAD, [straight_forecasts(places, -velocities, 10)], 6.0, 3).brake == 0.0
+
+
+def test_who_stands_is_not_foreseen_to_pull_out() -> None:
+    moving = forecast(4.0, -8.0, 4.0)
+    outlook = Outlook(AHEAD, moving.paths, moving.likelihood)
+    pose, size = np.array([[4.0, -8.0, 0.0]]), np.array([[2.4, 1.0]])
+    for stands in (True, False):
+        others = vehicle_forecasts(outlook, pose, size, np.array([stands]))
+        assert (driver().step(AHEAD, [others], 6.0, 3).brake == 0.0) == stands
+
+
+def test_it_creeps_later_where_the_brake_network_holds_it() -> None:
+    for is_held, patience in ((False, 200), (True, 1200)):
+        stuck = driver()
+        crowd = [] if is_held else [forecast(0.0, -9.0, 0.0)]
+        controls = [stuck.step(AHEAD, crowd, 0.0, 3, is_held) for _ in range(patience)]
+        assert controls[-2] == Control(brake=1.0)
+        assert controls[-1].throttle > 0.0
+
+
+def test_two_half_sweeps_are_one_scan_and_past_scans_lie_where_they_were() -> None:
+    stacked = MICRO.model_copy(update={"temporal": MICRO.temporal.model_copy(update={"scans": 3})})
+    scans = Scans(stacked)
+    first, second = np.full((2, 4), 1.0, np.float32), np.full((3, 4), 2.0, np.float32)
+    assert scans.merged(first).tolist() == first.tolist()
+    assert scans.merged(second)[:, 0].tolist() == [2.0, 2.0, 2.0, 1.0, 1.0]
+    post = np.array([10.0, 5.0])  # in the frame that stands still
+    for tick in range(11):
+        pose = Pose(np.array([0.4 * tick, 0.0]), 0.02 * tick)
+        c, s = np.cos(pose.yaw), np.sin(pose.yaw)
+        offset = post - pose.xy
+        seen = [c * offset[0] + s * offset[1], c * offset[1] - s * offset[0], 0.0, 1.0]
+        found = scans.stacked(np.array([seen], np.float32), pose)
+    assert found[:, 4:].tolist() == np.eye(3).tolist()
+    assert np.abs(found[:, :2] - found[0, :2]).max() < 1e-5
+
+
+def test_weights_that_ship_fit_each_other() -> None:
+    found = read_trained(None)
+    assert (found.student.stage, found.student.config.name) == ("full", "tiny")
+    assert found.segmentation is not None
+    assert load_agent_class("agents.lav:LavAgent") is LavAgent
+
+
+def test_missing_and_unfit_weights_are_named_in_one_line(tmp_path: Path) -> None:
+    folder = trained(tmp_path / "a")
+    (folder / "brake" / "brake.safetensors").unlink()
+    with pytest.raises(ConfigError, match=r"no weights at .*brake/brake\.safetensors"):
+        LavAgent(str(folder))
+    with pytest.raises(ConfigError, match=r"no weights at .*nowhere\.safetensors"):
+        LavAgent(str(tmp_path / "nowhere.safetensors"))
+    with pytest.raises(ConfigError, match="weights of stage 'segmentation', not 'full'"):
+        LavAgent(str(folder / "segmentation" / "segmentation.safetensors"))
+    with pytest.raises(ConfigError, match=r"no weights at .*segmentation-micro"):
+        LavAgent(str(folder / "full" / "full.safetensors"))
+    wide = MICRO.model_copy(update={"name": "wide", "cameras": find_preset("tiny").cameras})
+    with pytest.raises(ConfigError, match="'brake' are of preset 'wide', the student's of 'micro': their cameras"):
+        LavAgent(str(trained(tmp_path / "b", brake=wide)))
+
+
+@pytest.mark.parametrize("is_painted", [True, False])
+def test_it_drives_some_ticks_on_sensors_alone(tmp_path: Path, is_painted: bool) -> None:
+    config = MICRO.model_copy(update={"painted": is_painted})
+    folder = trained(tmp_path, config)
+    if not is_painted:
+        (folder / "segmentation" / "segmentation.safetensors").unlink()
+    simulation = Simulation(straight_drive(traffic="lav"))
+    agent = InProcessAgent(AgentSpec("agents.lav:LavAgent", str(folder), drawings=True))
+    agent.start(plan_of(simulation.route, simulation.town))
+    assert agent.track is Track.SENSORS
+    suite = SensorSuite(get_scene(simulation.town), agent.sensors(), simulation.draws)
+    for tick in range(4):
+        control = agent.step(suite.read([simulation.snapshot]), 0.05 * tick)
+        assert 0.0 <= control.throttle <= 1.0
+        assert {"plan", "forecast", "vehicles", "road", "brake"} <= set(checked_all(agent.drawings()))
+        simulation.tick(control)
+    agent.close()
+
+
+def test_what_drives_is_what_was_trained(tmp_path: Path) -> None:
+    """Frozen networks see what those of the training see, but for half precision."""
+    eyes, student = Perceiver(read_trained(trained(tmp_path))), networks(MICRO)["full"].eval()
+    points = np.random.default_rng(0).uniform(-8.0, 8.0, (400, 8)).astype(np.float32)
+    with torch.inference_mode():
+        truth = student.perception(torch.from_numpy(points), torch.zeros(400, dtype=torch.long), 1)
+    found = eyes.see(points)
+    assert torch.allclose(found.map, truth.map[0], atol=0.05)
+    assert torch.allclose(found.features, truth.features, atol=0.1)
