@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ BOX = [0.0, 2.4, 1.0]
 
 
 @cache
-def networks(config: LavConfig) -> dict[str, torch.nn.Module]:
+def networks(config: LavConfig) -> dict[str, Any]:
     torch.manual_seed(1)
     return {
         "full": Student(config),
