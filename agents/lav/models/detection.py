@@ -159,14 +159,20 @@ def decode(seen: Seen, grid: GridConfig, kind: int, most: int = 20, least: float
         least: Scores below are left out.
     """
     score = torch.sigmoid(seen.centre[:, kind])
-    window = 2 * _PEAK_REACH + 1
-    highest = functional.max_pool2d(score[:, None], window, stride=1, padding=_PEAK_REACH)[:, 0]
+    highest = _highest_near(score)
     flat = torch.where(score >= highest, score, torch.zeros_like(score)).flatten(1)
     scores, index = flat.topk(min(most, flat.shape[1]), dim=1)
     return [
         _boxes_at(seen, frame, index[frame][keep], scores[frame][keep], grid)
         for frame, keep in enumerate(scores >= least)
     ]
+
+
+def _highest_near(score: Tensor) -> Tensor:
+    """(B, H, W) the largest value in the square around each cell: along rows, then columns, which is faster."""
+    window, reach = 2 * _PEAK_REACH + 1, _PEAK_REACH
+    rows = functional.max_pool2d(score[:, None], (1, window), stride=1, padding=(0, reach))
+    return functional.max_pool2d(rows, (window, 1), stride=1, padding=(reach, 0))[:, 0]
 
 
 def without_ego(found: Detections, reach: float = 1.0) -> Detections:
