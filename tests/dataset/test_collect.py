@@ -57,7 +57,7 @@ def test_two_processes_collect_what_one_collects(collected: Path, tmp_path: Path
     collect(short_plan(), tmp_path / "data", workers=2, on_progress=seen.append)
     assert digests(tmp_path / "data") == digests(collected)
     assert seen[-1].frames >= seen[-1].wanted == 30
-    assert seen[-1].bytes == sum(bytes_of(r) for r in folder.whole_episodes(collected).values())
+    assert seen[-1].bytes >= sum(bytes_of(r) for r in folder.whole_episodes(collected).values()), "it may drive ahead"
 
 
 def test_a_dataset_grows_into_the_larger_one(collected: Path, tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from lavsim.live.server import LiveServer
 from lavsim.live.session import Session
 from lavsim.live.stream import scene_message
 from lavsim.viewer.page import SCRIPTS as REPLAY_SCRIPTS
+from tests.browser import Window
 from tests.live.drives import RouteDriver, session
-from tests.viewer.conftest import Window
 from tests.viewer.drives import EVIL
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "color_scheme": "dark"}

@@ -19,8 +19,8 @@ from lavsim.viewer.inner import InnerView
 from lavsim.viewer.panes import joined_cameras, render_panes
 from lavsim.viewer.replay import Story, replay_page
 from lavsim.viewer.tracks import read_tracks
+from tests.browser import Window
 from tests.viewer import drives
-from tests.viewer.conftest import Window
 from tests.viewer.test_drawings import some
 
 

@@ -15,8 +15,8 @@ from lavsim.viewer.inner import InnerView
 from lavsim.viewer.page import SCRIPTS, page_of
 from lavsim.viewer.replay import Event, Story, replay_page, write_replay
 from lavsim.viewer.tracks import read_tracks
+from tests.browser import Window
 from tests.viewer import drives
-from tests.viewer.conftest import Window
 from tests.viewer.test_drawings import some
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from leaderboard.report.page import write_report
+from tests.browser import Window
 from tests.leaderboard.runs import make_run
 from tests.viewer import drives
-from tests.viewer.conftest import Window
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark"}
 

@@ -1,16 +1,10 @@
-"""A real browser, where there is one: Debian's chromium, driven by Playwright."""
+"""A window of a real browser, as `tests/conftest.py` opens it."""
 
 from __future__ import annotations
 
-import shutil
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-import pytest
-
-CHROMIUM = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
 
 
 class Window:
@@ -62,26 +56,3 @@ class Window:
     def ask(self, script: str) -> Any:
         """Value of a script."""
         return self.page.evaluate(script)
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    """Headless Chromium."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("there is no chromium on this machine (Debian: apt install chromium)")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield chromium
-        chromium.close()
-
-
-@pytest.fixture
-def window(browser: Any, request: pytest.FixtureRequest) -> Iterator[Window]:
-    """A fresh window, 1280 x 800 and light; parameters (indirect) replace that. It must not have complained."""
-    options: dict[str, Any] = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "light"}
-    context = browser.new_context(**{**options, **getattr(request, "param", {})})
-    made = Window(context.new_page())
-    yield made
-    context.close()
-    assert made.said == []
