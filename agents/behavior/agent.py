@@ -114,6 +114,7 @@ class Expert:
         self._controller = Controller()
         self._dash = Dash()
         self._brisk = self.manner.model_copy(update={"acceleration": max(self.manner.acceleration, BRISK)})
+        self._dashing = self.manner.model_copy(update={"acceleration": max(self.manner.acceleration, PULL)})
         self._goes: set[int] = set()  # stop lines it decided to cross at yellow
         self._yellow_since: dict[int, float] = {}
         self._signs_done = 0  # stop signs at which it has stood or which lie behind it
@@ -139,6 +140,8 @@ class Expert:
         if presses > 0.0:  # drives away from it rather than to be run into
             wanted = max(wanted, min(presses + 0.5, path.at(self._hurried, ahead + 0.5)))
             ego = ego._replace(wanted=max(wanted, 1.0))
+        if self._dash.is_on:  # keeps up with who drives before it in the gap
+            ego = ego._replace(wanted=max(wanted, path.at(self._hurried, ahead + 0.5), 1.0))
 
         begin = max(int(s / STEP), 0)
         window = path.xy[begin : begin + int(RANGE / STEP)]
@@ -146,7 +149,7 @@ class Expert:
         forecast = self._forecaster.update(truth, memory, window)
         patience = self._patience(truth, speed)
         yields = truth["roles"][forecast.row] == Role.TRAFFIC
-        met = meetings(path, ego, forecast, self.manner, patience, yields)
+        met = meetings(path, ego, forecast, self._dashing if self._dash.is_on else self.manner, patience, yields)
         kerb = met.kerb
         manner = self.manner if patience > 0.5 else self._brisk
         slope = (wanted - path.at(self.way.profile, s + 0.2)) / 0.5 if wanted < speed + 0.5 else 0.0

@@ -27,6 +27,8 @@ BEFORE, AFTER = 1.0, 0.5  # [s] between the ego and who crosses: when the ego go
 WALKER_BEFORE, WALKER_AFTER = 1.5, 0.6
 WALL_GAP = 1.8  # [m] to the way of somebody who crosses: nearer, others brake for the nose and nobody goes
 FLATTEST = 0.4  # sine of the angle between their ways
+FIRM = 3.0  # [m/s²] at which it stops where it has come nearer than that
+LAST = 7.0  # [m/s²] who would need more to let somebody in goes first where there is time for it
 WALKER_GAP = 2.0
 NOMINAL, BRISK = 1.6, 3.0  # [m/s²] at which the ego would go, at first and once it has waited for long
 CREEP = 6.0  # [m/s] past walkers who stand at the kerb and face the road
@@ -207,7 +209,8 @@ def _judge(
     pull = NOMINAL + (1.0 - patience) * (BRISK - NOMINAL)
     place = base + STEP * first[when]
     gap_now = place - ego.s
-    if when and gap_now < 0.6 and _ahead_of(ego, poses[when]) < 0.3 * ego.half_length:
+    is_hit = first[when] < 0.5 or ego.speed > PULLS_OUT  # where it is, not where it would go
+    if when and is_hit and gap_now < 0.6 and _ahead_of(ego, poses[when]) < 0.3 * ego.half_length:
         return math.inf, math.inf  # would run into the ego's side or back: going on is all it can do
     if not is_walker and (speed < 0.3 or facing > 0.7):
         return _behind(base, ego, speed, facing, when, first, pace, pull)
@@ -231,7 +234,8 @@ def _judge(
     if low - ego.s < 0.05 and arrives > 0.3 and clear < arrives + 0.2:
         return math.inf, math.inf  # in the middle of it and out before the other is there
     if gap <= 0.2 and low - ego.s > 0.2 and ego.speed >= 1.0:
-        gap = low - ego.s - 0.15  # too late for the distance that it would keep
+        # Too late for the distance that it would keep; it does not go farther than it must.
+        gap = min(low - ego.s - 0.15, ego.speed * ego.speed / (2.0 * FIRM))
     return stop_within(ego.speed, gap, pace), max(low - kept, ego.s)
 
 
@@ -249,6 +253,8 @@ def _behind(
         slower = max(speed - min(ego.speed + pull * reach, ego.wanted), 0.0)
         if reach + BEFORE + slower * slower / (2.0 * pull * max(speed, 1.0)) < TIMES[when]:
             return math.inf, math.inf
+        if ego.speed * ego.speed > 2.0 * LAST * max(gap_now, 0.1) and reach < TIMES[when]:
+            return math.inf, math.inf  # to stop in its way would be worse
     lowest = math.inf
     for k in range(when, len(first)):
         if first[k] >= 0.0:
