@@ -101,7 +101,7 @@ class Expert:
         self.manner = manner or Manner()
         limits = limits_along(path, town) if town is not None else np.full(len(path), DEFAULT_LIMIT)
         self.way = Way(path, limits, self.manner)
-        self._hurried = speed_profile(path, limits, self.manner.model_copy(update=HURRIED))
+        self._hurried = speed_profile(path, limits, self.manner.changed(**HURRIED))
         stops: list[StopPoint] = stop_points(path, town) if town is not None else []
         self.stops = [stop for stop in stops if stop.light >= 0]
         self.signs = [stop for stop in stops if stop.light < 0]
@@ -113,8 +113,8 @@ class Expert:
         self._memory = Memory()
         self._controller = Controller()
         self._dash = Dash()
-        self._brisk = self.manner.model_copy(update={"acceleration": max(self.manner.acceleration, BRISK)})
-        self._dashing = self.manner.model_copy(update={"acceleration": max(self.manner.acceleration, PULL)})
+        self._brisk = self.manner.changed(acceleration=max(self.manner.acceleration, BRISK))
+        self._dashing = self.manner.changed(acceleration=max(self.manner.acceleration, PULL))
         self._goes: set[int] = set()  # stop lines it decided to cross at yellow
         self._yellow_since: dict[int, float] = {}
         self._signs_done = 0  # stop signs at which it has stood or which lie behind it

@@ -37,6 +37,10 @@ class Manner(Config):
         """What kernels take."""
         return Pace(self.acceleration, self.comfort_braking, self.headway, self.standstill)
 
+    def changed(self, **values: float) -> Manner:
+        """Another manner with some fields changed; a copy would keep the pace that is known of this one."""
+        return Manner(**{**self.model_dump(), **values})
+
 
 # Top speeds and distances to the limit are CARLA's (reference `carla.md` 5.2); its braking distances of 6, 5 and 4 m,
 # measured from the ego's centre less the larger half length, leave these gaps between bumpers. The rest it does not

@@ -170,6 +170,12 @@ def test_tracker_is_not_lost_where_the_path_crosses_itself() -> None:
 # --- speed
 
 
+def test_a_changed_manner_has_a_pace_of_its_own() -> None:
+    manner = Manner()
+    assert manner.pace.acceleration == manner.acceleration
+    assert manner.changed(acceleration=4.5).pace == manner.pace._replace(acceleration=4.5)
+
+
 def test_profile_slows_down_ahead_of_a_bend() -> None:
     points, yaw = arc(radius=15.0)
     before = np.stack([np.arange(-80.0, 0.0), np.zeros(80), np.zeros(80)], axis=1)
