@@ -36,7 +36,8 @@ from lavsim.types import Control
 Floats = NDArray[np.float64]
 
 _HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
-_SHOWN_POINTS = 3_000
+# What is shown every tick is kept small: few points, to the decimetre, and a map of few levels pack well.
+_SHOWN_POINTS, _SHOWN_LEVELS = 1_000, 8
 
 
 def get_entry_point() -> str:
@@ -92,7 +93,7 @@ class LavAgent(Agent):
             "vehicles": _drawn_boxes(sight.vehicles),
             "walkers": _drawn_boxes(sight.walkers),
             "road": self._drawn_map(sight),
-            "points": points(sight.points[:: max(len(sight.points) // _SHOWN_POINTS, 1), :2], frame="ego"),
+            "points": points(np.round(_some(sight.points)[:, :2], 1), frame="ego"),
             "brake": scalar(brake),
         }
 
@@ -130,7 +131,7 @@ class LavAgent(Agent):
     def _drawn_map(self, sight: Sight) -> Drawing:
         grid = self.config.grid
         road, solid, broken = torch.sigmoid(sight.map).numpy()
-        shown = np.clip(0.5 * road + 0.5 * np.maximum(solid, broken), 0.0, 1.0)
+        shown = np.round((0.5 * road + 0.5 * np.maximum(solid, broken)) * _SHOWN_LEVELS) / _SHOWN_LEVELS
         return raster(shown, ((grid.ahead - grid.behind) / 2.0, 0.0, 0.0), grid.cell, "ego")
 
 
@@ -138,6 +139,10 @@ def _drawn_boxes(found: Detections) -> Drawing:
     box = found.boxes.numpy().astype(np.float64)
     poses = np.column_stack([vehicle_from_planner(box[:, :2]), box[:, 2], 2.0 * box[:, 3:]])
     return boxes(poses, found.scores.numpy(), frame="ego")
+
+
+def _some(scan: NDArray[np.float32]) -> NDArray[np.float32]:
+    return scan[:: max(len(scan) // _SHOWN_POINTS, 1)]
 
 
 def _rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
