@@ -4,14 +4,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUNTIME := $(VENV)/.runtime-installed
 DEV := $(VENV)/.dev-installed
+DOCS := $(VENV)/.docs-installed
 
-.PHONY: help score test test-slow lint bench clean
+.PHONY: help score test test-slow lint bench docs wheel clean
 
 help:
 	@echo "make score      set up, then drive and score the bundled routes 'quick' with the behaviour agent"
 	@echo "make test       set up, then ruff, mypy and the tests"
 	@echo "make test-slow  the long tests"
 	@echo "make bench      the speed of each part on this machine"
+	@echo "make docs       the documentation as a site, in site/; warnings are errors"
+	@echo "make wheel      wheel and source archive, checked, in dist/"
 	@echo "make clean      remove the virtual environment, runs and caches"
 
 $(BIN)/python:
@@ -26,6 +29,10 @@ $(RUNTIME): pyproject.toml | $(BIN)/python
 
 $(DEV): pyproject.toml $(RUNTIME)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,lav]'
+	@touch $@
+
+$(DOCS): pyproject.toml $(RUNTIME)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
 score: $(RUNTIME)
@@ -45,6 +52,14 @@ test-slow: $(DEV)
 bench: $(RUNTIME)
 	$(BIN)/lavsim bench
 
+docs: $(DOCS)
+	$(BIN)/mkdocs build --strict
+
+wheel: $(DOCS)
+	rm -rf build dist
+	$(BIN)/python -m build
+	$(BIN)/twine check --strict dist/*
+
 clean:
-	rm -rf $(VENV) runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) runs build dist site *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find lavsim leaderboard agents routes tests -name __pycache__ -type d -prune -exec rm -rf {} +
