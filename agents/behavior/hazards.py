@@ -209,7 +209,7 @@ def _judge(
     pull = NOMINAL + (1.0 - patience) * (BRISK - NOMINAL)
     place = base + STEP * first[when]
     gap_now = place - ego.s
-    is_hit = first[when] < 0.5 or ego.speed > PULLS_OUT  # where it is, not where it would go
+    is_hit = ego.speed > PULLS_OUT or (first[when] < 0.5 and facing < 0.7)  # slower, it had better let them pass
     if when and is_hit and gap_now < 0.6 and _ahead_of(ego, poses[when]) < 0.3 * ego.half_length:
         return math.inf, math.inf  # would run into the ego's side or back: going on is all it can do
     if not is_walker and (speed < 0.3 or facing > 0.7):
