@@ -5,12 +5,16 @@ The order within a tick is the original's (reference `lav.md` 6.2); what differs
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from pydantic import Field
 
+from agents.lav.config import DriveConfig
+from agents.lav.controller import BrakeHold
 from agents.lav.driving import (
     Driver,
     Forecasts,
@@ -29,6 +33,7 @@ from agents.lav.perceive import CAMERAS, LIDAR, SUITE, TELEPHOTO, Perceiver, Sig
 from agents.lav.scans import Scans
 from agents.lav.tracking import Tracker
 from lavsim.agent import Agent, Track
+from lavsim.config import Config, read_config
 from lavsim.drawings import Drawing, boxes, points, raster, scalar
 from lavsim.guidance import Guide
 from lavsim.types import Control
@@ -45,18 +50,38 @@ def get_entry_point() -> str:
     return "LavAgent"
 
 
+class LavSettings(Config):
+    """What drives, and how. How to drive is no part of what was learnt: the weights' own `drive` is not used."""
+
+    weights: str = Field(default="", description="Folder or file as `--agent-config` takes it; empty: those that ship.")
+    drive: DriveConfig = DriveConfig()
+
+
+def read_settings(path: str | None) -> LavSettings:
+    """The settings in a TOML file, or those that go with weights.
+
+    Raises:
+        ConfigError: the file can't be read, or holds something else.
+    """
+    if path and path.endswith(".toml"):
+        return read_config(LavSettings, Path(path))
+    return LavSettings(weights=path or "")
+
+
 class LavAgent(Agent):
     """The student behind the wheel.
 
-    Its configuration is the folder of a training, or the file of a student's weights; those that ship by default.
+    Its configuration is the folder of a training, the file of a student's weights, or a TOML file with `LavSettings`;
+    without one the weights that ship drive.
     """
 
     def setup(self, path_to_conf_file: str | None) -> None:
         self.track = Track.SENSORS
         torch.set_num_threads(1)
-        self._eyes = Perceiver(read_trained(path_to_conf_file))
+        given = read_settings(path_to_conf_file)
+        self._eyes = Perceiver(read_trained(given.weights or None), given.drive)
         self.config = self._eyes.config
-        self._driver = Driver(self.config.drive, _HALF_SIZE)
+        self._driver, self._hold = Driver(self.config.drive, _HALF_SIZE), BrakeHold(self.config.drive)
         self._place, self._scans = EgoFilter(), Scans(self.config)
         self._vehicles, self._walkers = Tracker(), Tracker()
         self._guide: Guide | None = None
@@ -77,7 +102,7 @@ class LavAgent(Agent):
         brake = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
         outlook, vehicles = self._motions(sight, pose, goals, speed, command)
         walkers = self._on_foot(sight.walkers, pose, len(outlook.plan))
-        is_held = brake > self.config.drive.brake_score
+        is_held = self._hold.step(brake, speed)
         control = self._driver.step(outlook.plan, [vehicles, walkers], speed, command, is_held)
         self._steer = control.steer
         self._shown = sight, vehicles, outlook, brake

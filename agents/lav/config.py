@@ -155,6 +155,8 @@ class DriveConfig(Config):
     refined_lane_change: bool = Field(default=False, description="Whether lane changes take the refined plan too.")
     stuck: float = Field(default=10.0, gt=0.0, description="Creeps after standing so long [s]; 30 in the original.")
     creep: float = Field(default=1.5, ge=0.0, description="For so long [s]; 1 in the original.")
+    standing_score: float = Field(default=0.6, ge=0.0, le=1.0, description="The same for who has stood for `hold`.")
+    hold: float = Field(default=2.0, ge=0.0, description="So long any score holds who stands [s].")
     stuck_held: float = Field(default=60.0, gt=0.0, description="So long where the brake network holds it [s].")
     filtered: bool = Field(default=True, description="Goals as seen from the filter's place, not the newest fix.")
     detection_score: float = Field(default=0.3, ge=0.0, le=1.0, description="Vehicles found with less are left out.")

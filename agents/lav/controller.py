@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 
 _STANDS = 0.1  # [m/s]
 _CREEP_THROTTLE = 0.4
+_FLICKER = 0.5  # [s] that a sure score of the brake network lasts
+_DOUBT = 4.0  # [s] to get away in
 _CREPT = 2.0  # [m] that a burst of it drives
 _BEHIND = 2.0  # [m] others whose first forecast lies that far behind can't be run into
 _LEAST_AIM = 3.0  # [m] the wheel is not turned for nearer waypoints
@@ -96,6 +98,28 @@ class StuckCounter:
             return control
         self._left -= 1
         return Control(throttle=max(control.throttle, _CREEP_THROTTLE))
+
+
+class BrakeHold:
+    """Whether the brake network holds the ego.
+
+    A network that has seen experts wait says of most standing frames that they should wait: a false alarm would hold
+    for good. Who has stood for a while is held only by what is surer, and for as long as it takes to get away.
+    """
+
+    def __init__(self, config: DriveConfig) -> None:
+        self._config = config
+        self._scores: deque[float] = deque(maxlen=round(_FLICKER / DT))
+        self._stood = self._doubting = 0
+
+    def step(self, score: float, speed: float) -> bool:
+        """Whether to brake, by the network's score (0 to 1) of this tick."""
+        self._scores.append(score)
+        self._stood = self._stood + 1 if speed < _STANDS else 0
+        self._doubting = round(_DOUBT / DT) if self._stood * DT >= self._config.hold else max(self._doubting - 1, 0)
+        if self._doubting:
+            return max(self._scores) > self._config.standing_score
+        return score > self._config.brake_score
 
 
 def aim_angle(plan: Floats, first: int) -> float:

@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.lav.config import LavConfig
+from agents.lav.config import DriveConfig, LavConfig
 from agents.lav.data.arrays import TELEPHOTO_KEPT
 from agents.lav.data.images import as_batch, shrunk
 from agents.lav.data.points import SCORES, thinned
@@ -114,10 +114,12 @@ class Perceiver:
 
     Args:
         trained: Their weights.
+        drive: How sure detections must be; the weights' own if None.
     """
 
-    def __init__(self, trained: Trained) -> None:
-        self.config: LavConfig = trained.student.config
+    def __init__(self, trained: Trained, drive: DriveConfig | None = None) -> None:
+        own = trained.student.config
+        self.config: LavConfig = own.model_copy(update={"drive": drive or own.drive})
         self._is_fast = has_bfloat16("cpu")
         self._student = _loaded(Student(self.config), trained.student)
         self._painter = Painter(trained.segmentation, SUITE, CAMERAS) if trained.segmentation else None

@@ -12,7 +12,8 @@ import pytest
 torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
 
 from agents.lav.agent import LavAgent
-from agents.lav.config import LavConfig, find_preset
+from agents.lav.config import DriveConfig, LavConfig, find_preset
+from agents.lav.controller import BrakeHold
 from agents.lav.driving import Driver, Forecasts, Outlook, straight_forecasts, vehicle_forecasts
 from agents.lav.localise import Pose
 from agents.lav.models.brake import BrakeNetwork
@@ -106,6 +107,17 @@ def test_it_creeps_later_where_the_brake_network_holds_it() -> None:
         assert controls[-1].throttle > 0.0
 
 
+@pytest.mark.parametrize(("score", "holds_for"), [(0.2, 0), (0.45, 40), (0.9, 400)])
+def test_a_doubtful_score_holds_for_a_while_and_a_sure_one_for_good(score: float, holds_for: int) -> None:
+    hold = BrakeHold(MICRO.drive)
+    assert hold.step(score, 6.0) == (score > 0.3)
+    held = [hold.step(score, 0.0) for _ in range(400)]
+    assert sum(held) == pytest.approx(holds_for, abs=1)
+    assert hold.step(0.95, 2.0)
+    away = [hold.step(score, 3.0) for _ in range(200)]
+    assert away[-1] == (score > 0.3)
+
+
 def test_two_half_sweeps_are_one_scan_and_past_scans_lie_where_they_were() -> None:
     stacked = MICRO.model_copy(update={"temporal": MICRO.temporal.model_copy(update={"scans": 3})})
     scans = Scans(stacked)
@@ -144,6 +156,17 @@ def test_missing_and_unfit_weights_are_named_in_one_line(tmp_path: Path) -> None
     wide = MICRO.model_copy(update={"name": "wide", "cameras": find_preset("tiny").cameras})
     with pytest.raises(ConfigError, match="'brake' are of preset 'wide', the student's of 'micro': their cameras"):
         LavAgent(str(trained(tmp_path / "b", brake=wide)))
+
+
+def test_how_it_drives_is_set_beside_its_weights(tmp_path: Path) -> None:
+    folder, settings = trained(tmp_path / "a"), tmp_path / "mine.toml"
+    settings.write_text(f'weights = "{folder}"\n[drive]\nbrake_score = 0.9\n')
+    agent = LavAgent(str(settings))
+    assert (agent.config.name, agent.config.drive.brake_score) == ("micro", 0.9)
+    assert LavAgent(str(folder)).config.drive == DriveConfig()
+    settings.write_text("[drive]\nbreak_score = 0.9\n")
+    with pytest.raises(ConfigError, match="break_score"):
+        LavAgent(str(settings))
 
 
 @pytest.mark.parametrize("is_painted", [True, False])
