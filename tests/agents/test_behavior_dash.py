@@ -74,3 +74,12 @@ def test_firm_wishes_are_not_smoothed() -> None:
     firm = Controller().command(path, 5.0, 0.0, 0.0, 0.0, 4.5, True)
     usual = Controller().command(path, 5.0, 0.0, 0.0, 0.0, 4.5)
     assert firm.throttle > 0.75 > usual.throttle > 0.0
+
+
+@pytest.mark.parametrize("ahead", [-40.0, -25.0])
+def test_slot_beside_the_lane_is_left_when_nobody_passes(ahead: float) -> None:
+    """Its corner is near the way of who passes: to go on would not get it out of that."""
+    cars = [Other(ahead - 26.0 * k, 0.0, 0.0, 14.0) for k in range(5)]
+    road = Street(Expert(straight(), None), cars, speed=0.0, y=2.4).drive(25.0)
+    assert road.closest > 0.1
+    assert road.x > 50.0
