@@ -15,6 +15,7 @@ from pydantic import Field
 
 from agents.lav.config import DriveConfig
 from agents.lav.controller import BrakeHold
+from agents.lav.data.points import SCORES
 from agents.lav.driving import (
     Driver,
     Forecasts,
@@ -41,8 +42,8 @@ from lavsim.types import Control
 Floats = NDArray[np.float64]
 
 _HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
-# What is shown every tick is kept small: few points, to the decimetre, and a map of few levels pack well.
-_SHOWN_POINTS, _SHOWN_LEVELS = 1_000, 8
+_SHOWN_SCORE, _SHOWN_LEVELS = 0.3, 8  # of a painted point; of the map, whose few levels pack well
+_PAINTED = {"painted vehicle": 3, "painted walker": 0}  # among a point's scores
 
 
 def get_entry_point() -> str:
@@ -109,7 +110,7 @@ class LavAgent(Agent):
         return control
 
     def drawings(self) -> dict[str, Drawing]:
-        """Plan, forecasts, who was found, the map, painted points, and how sure it is to brake."""
+        """Plan, forecasts, who was found, the map, points painted as somebody, and how sure it is to brake."""
         if self._shown is None:
             return {}
         sight, _, outlook, brake = self._shown
@@ -118,7 +119,7 @@ class LavAgent(Agent):
             "vehicles": _drawn_boxes(sight.vehicles),
             "walkers": _drawn_boxes(sight.walkers),
             "road": self._drawn_map(sight),
-            "points": points(np.round(_some(sight.points)[:, :2], 1), frame="ego"),
+            **(_drawn_paint(sight.points) if self.config.painted else {}),
             "brake": scalar(brake),
         }
 
@@ -166,8 +167,14 @@ def _drawn_boxes(found: Detections) -> Drawing:
     return boxes(poses, found.scores.numpy(), frame="ego")
 
 
-def _some(scan: NDArray[np.float32]) -> NDArray[np.float32]:
-    return scan[:: max(len(scan) // _SHOWN_POINTS, 1)]
+def _drawn_paint(scan: NDArray[np.float32]) -> dict[str, Drawing]:
+    """Points that the cameras painted as somebody; all of them would hide the street."""
+    scores = scan[:, 4 : 4 + SCORES]
+    kinds = {name: (scores[:, k] > _SHOWN_SCORE, scores[:, k]) for name, k in _PAINTED.items()}
+    return {
+        name: points(np.round(scan[shown, :2], 1), np.round(score[shown], 1), "ego")
+        for name, (shown, score) in kinds.items()
+    }
 
 
 def _rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
