@@ -86,8 +86,8 @@ class LavAgent(Agent):
         self._place, self._scans = EgoFilter(), Scans(self.config)
         self._vehicles, self._walkers = Tracker(), Tracker()
         self._guide: Guide | None = None
-        self._steer = 0.0
-        self._shown: tuple[Sight, Forecasts, Outlook, float] | None = None
+        self._tick, self._steer, self._brake = 0, 0.0, 0.0
+        self._shown: tuple[Sight, Outlook] | None = None
 
     def sensors(self) -> list[dict[str, Any]]:
         return [dict(sensor) for sensor in SUITE]
@@ -100,27 +100,29 @@ class LavAgent(Agent):
         images = [_rgb(readings[name]) for name in CAMERAS]
         scan = self._eyes.paint(self._scans.merged(readings[LIDAR]), images)
         sight = self._eyes.see(self._scans.stacked(scan, pose))
-        brake = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
+        if self._tick % self.config.drive.brake_every == 0:
+            self._brake = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
+        self._tick += 1
         outlook, vehicles = self._motions(sight, pose, goals, speed, command)
         walkers = self._on_foot(sight.walkers, pose, len(outlook.plan))
-        is_held = self._hold.step(brake, speed)
+        is_held = self._hold.step(self._brake, speed)
         control = self._driver.step(outlook.plan, [vehicles, walkers], speed, command, is_held)
         self._steer = control.steer
-        self._shown = sight, vehicles, outlook, brake
+        self._shown = sight, outlook
         return control
 
     def drawings(self) -> dict[str, Drawing]:
         """Plan, forecasts, who was found, the map, points painted as somebody, and how sure it is to brake."""
         if self._shown is None:
             return {}
-        sight, _, outlook, brake = self._shown
+        sight, outlook = self._shown
         return {
             **drawings_of(outlook, self.config.drive),
             "vehicles": _drawn_boxes(sight.vehicles),
             "walkers": _drawn_boxes(sight.walkers),
             "road": self._drawn_map(sight),
             **(_drawn_paint(sight.points) if self.config.painted else {}),
-            "brake": scalar(brake),
+            "brake": scalar(self._brake),
         }
 
     def _goals(self, readings: dict[str, Any], pose: Pose) -> tuple[Floats, int]:
