@@ -148,7 +148,8 @@ class LavAgent(Agent):
         motions = self._eyes.foresee(sight.features, poses, targets, known)
         outlook = outlook_of(motions, poses, command, self.config.drive)
         stands = speeds < self.config.drive.standing  # not so where they are not known
-        return outlook, vehicle_forecasts(outlook, others[:, :3], others[:, 3:], stands)
+        sizes = np.maximum(others[:, 3:] - self.config.drive.slack * stands[:, None], 0.0)
+        return outlook, vehicle_forecasts(outlook, others[:, :3], sizes, stands)
 
     def _on_foot(self, found: Detections, pose: Pose, steps: int) -> Forecasts:
         """Walkers go on as they go, as far as that is known."""

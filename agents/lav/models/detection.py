@@ -163,7 +163,7 @@ def decode(seen: Seen, grid: GridConfig, kind: int, most: int = 20, least: float
     flat = torch.where(score >= highest, score, torch.zeros_like(score)).flatten(1)
     scores, index = flat.topk(min(most, flat.shape[1]), dim=1)
     return [
-        _boxes_at(seen, frame, index[frame][keep], scores[frame][keep], grid)
+        _boxes_at(seen, frame, kind, index[frame][keep], scores[frame][keep], grid)
         for frame, keep in enumerate(scores >= least)
     ]
 
@@ -181,13 +181,26 @@ def without_ego(found: Detections, reach: float = 1.0) -> Detections:
     return Detections(found.boxes[keep], found.scores[keep])
 
 
-def _boxes_at(seen: Seen, frame: int, cells: Tensor, scores: Tensor, grid: GridConfig) -> Detections:
+def _boxes_at(seen: Seen, frame: int, kind: int, cells: Tensor, scores: Tensor, grid: GridConfig) -> Detections:
     cols = seen.centre.shape[3]
     row, col = cells // cols, cells % cols
+    down, right = _within_cell(seen.centre[frame, kind], row, col)
     size, heading = seen.size[frame][:, row, col], seen.heading[frame][:, row, col]
-    x, y = (col + 0.5) * grid.cell - grid.aside, (row + 0.5) * grid.cell - grid.ahead
+    x = (col + 0.5 + right) * grid.cell - grid.aside
+    y = (row + 0.5 + down) * grid.cell - grid.ahead
     yaw = torch.atan2(heading[1], heading[0])
     return Detections(torch.stack([x, y, yaw, size[0] * grid.cell, size[1] * grid.cell], dim=1), scores)
+
+
+def _within_cell(logits: Tensor, row: Tensor, col: Tensor) -> tuple[Tensor, Tensor]:
+    """Where in its cell a peak (N,) of logits (H, W) lies, down and right of the middle [cells].
+
+    Of bumps exp(-d^2) the neighbours on both sides tell: the difference of their logarithms is four times the offset.
+    """
+    heat = functional.logsigmoid(functional.pad(logits[None, None], (1, 1, 1, 1), mode="replicate")[0, 0])
+    down = (heat[row + 2, col + 1] - heat[row, col + 1]) / 4.0
+    right = (heat[row + 1, col + 2] - heat[row + 1, col]) / 4.0
+    return down.clamp(-0.5, 0.5), right.clamp(-0.5, 0.5)
 
 
 def _highest(cells: Tensor, bumps: Tensor, kinds: Tensor, frames: int, grid: GridConfig) -> Tensor:
