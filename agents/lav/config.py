@@ -156,7 +156,7 @@ class DriveConfig(Config):
     stuck: float = Field(default=10.0, gt=0.0, description="Creeps after standing so long [s]; 30 in the original.")
     creep: float = Field(default=1.5, ge=0.0, description="For so long [s]; 1 in the original.")
     brake_every: int = Field(default=2, ge=1, description="Ticks from one look of the brake network to the next.")
-    standing_score: float = Field(default=0.6, ge=0.0, le=1.0, description="The same for who has stood for `hold`.")
+    standing_score: float = Field(default=0.65, ge=0.0, le=1.0, description="The same for who has stood for `hold`.")
     hold: float = Field(default=2.0, ge=0.0, description="So long any score holds who stands [s].")
     stuck_held: float = Field(default=60.0, gt=0.0, description="So long where the brake network holds it [s].")
     filtered: bool = Field(default=True, description="Goals as seen from the filter's place, not the newest fix.")
