@@ -9,6 +9,7 @@ import pytest
 
 from lavsim.geometry import right
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
+from lavsim.scenarios.moves.cross import ride
 from lavsim.scenarios.moves.flow import ActorFlow
 from lavsim.scenarios.moves.follow import LaneFollower
 from lavsim.scenarios.moves.lead import lead
@@ -18,7 +19,7 @@ from lavsim.scenarios.moves.wait import first_of, in_turn, seconds, together, un
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site, along_lane, line_ahead
 from lavsim.simulation import Simulation
-from lavsim.types import Control
+from lavsim.types import DT, Control, Role
 from tests.drives import hazard, straight_drive
 
 STAND = Control(brake=1.0)
@@ -98,6 +99,30 @@ def test_a_follower_that_keeps_its_distance_stops_behind_what_stands_and_others_
         try_out(partial(script, keeps=keeps), 210)
     assert 1.5 < gaps[True] < 5.0
     assert gaps[False] < 0.5
+
+
+@pytest.mark.parametrize("blocked", [True, False])
+def test_a_crossing_is_given_up_before_what_does_not_move_and_ends_elsewhere(blocked: bool) -> None:
+    """A bicycle that pushed on into a standing queue kept the road shut for the rest of the drive."""
+    ends: list[tuple[float, float]] = []
+
+    def script(scenario: Scenario, stage: Stage) -> Script:
+        start, _ = along_lane(stage.anchor, 20.0)
+        wall, _ = along_lane(stage.anchor, 30.0)
+        if blocked:
+            park(scenario, stage, "vehicle.carlamotors.carlacola", wall)
+        bicycle = scenario.spawn(stage, "vehicle.bh.crossbike", start.xyz, start.yaw, Role.SCENARIO)
+        begun, ticks = bicycle.xy, 0
+        for _ in ride(bicycle, 5.0, 25.0):
+            ticks += 1
+            yield
+        ends.append((ticks * DT, float(np.hypot(*(bicycle.xy - begun)))))
+        yield
+
+    try_out(script, 400)
+    seconds_taken, metres = ends[0]
+    assert (10.0 < seconds_taken < 16.0) if blocked else (5.0 < seconds_taken < 6.0)
+    assert (metres < 12.0) if blocked else metres == pytest.approx(25.0, abs=0.5)
 
 
 @pytest.mark.parametrize("offset", [3.5, -3.5])

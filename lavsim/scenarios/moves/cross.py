@@ -9,21 +9,38 @@ from lavsim.scenarios.base import Script
 from lavsim.types import DT, ActorClass
 from lavsim.world.actor import Actor
 
+GIVES_UP = 10.0  # [s] held up for so long, an actor stays where it is
+
+
+class _Crossing:
+    """How far an actor has come, and whether it gets on."""
+
+    def __init__(self, actor: Actor, length: float) -> None:
+        self._actor, self._start, self._length = actor, actor.xy, length
+        self._far, self._waits = 0.0, 0
+
+    def goes_on(self) -> bool:
+        """Whether there is a way left: not once the actor is gone, or stands before a queue that doesn't move."""
+        gone = float(np.hypot(*(self._actor.xy - self._start)))
+        self._waits = 0 if gone > self._far + 0.1 else self._waits + 1
+        self._far = gone if self._waits == 0 else self._far
+        return gone < self._length and self._actor.is_present and self._waits * DT < GIVES_UP
+
 
 def walk(actor: Actor, way: NDArray[np.float64], speed: float, length: float) -> Script:
-    """Walks `length` metres in direction `way` (2,) and stops; ends early when it is knocked down."""
+    """Walks `length` metres in direction `way` (2,) and stops; ends early when it is knocked down or held up."""
     unit = np.asarray(way, dtype=np.float64) / np.hypot(*way)
-    start = actor.xy
-    while float(np.hypot(*(actor.xy - start))) < length and actor.is_present:
+    crossing = _Crossing(actor, length)
+    while crossing.goes_on():
         actor.walk(speed * unit)
         yield
     actor.walk(np.zeros(2))
 
 
 def ride(actor: Actor, speed: float, length: float, acceleration: float = 12.0) -> Script:
-    """Drives `length` metres straight ahead, as it stands, up to `speed` [m/s], and stops."""
-    start = actor.xy
-    while float(np.hypot(*(actor.xy - start))) < length and actor.is_present:
+    """Drives `length` metres straight ahead, as it stands, up to `speed` [m/s], and stops; also when held up."""
+    crossing = _Crossing(actor, length)
+    while crossing.goes_on():
         actor.drive(min(speed, actor.speed + acceleration * DT))
         yield
     actor.drive(0.0)
