@@ -51,7 +51,8 @@ class DynamicObjectCrossing(Scenario):
     trigger, one lane width right of that lane, and a vending machine stands at 90 % of the line from the trigger to it.
     When the ego is less than 12 + n m from it along the route it starts across at 3 + 0.4 n m/s. With
     W = lane width * (1 + 1.25 n) it goes 0.5 W, then W more or until the ego has driven 5 m. Both are taken away then,
-    and it is over when the ego has driven 40 m. Where the place is taken both stand farther on, 0.4 m at a time.
+    and it is over when the ego has driven 40 m. Where the place is taken, or a parked car stands in the walker's way,
+    both stand farther on, 0.4 m at a time.
 
     Walker and vending machine collide; the machine does not give way.
 
@@ -101,6 +102,8 @@ class DynamicObjectCrossing(Scenario):
     def _stand(self, stage: Stage, waypoint: Waypoint) -> None:
         self._width, self._way = waypoint.width, -right(waypoint.yaw)
         spot = place.aside(waypoint, waypoint.width)
+        if cross.meets_parked(stage.world, spot[:2], self._way, 1.5 * self._width * (1.0 + 1.25 * self.lanes)):
+            raise ScenarioError("a parked car stands in the walker's way.")
         self._at = stage.site.distance_along(spot)
         line = spot - stage.anchor.xyz
         hidden = stage.anchor.xyz + _BLOCKER_SHARE * line

@@ -9,7 +9,7 @@ import pytest
 
 from lavsim.geometry import right
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
-from lavsim.scenarios.moves.cross import ride
+from lavsim.scenarios.moves.cross import meets_parked, ride
 from lavsim.scenarios.moves.flow import ActorFlow
 from lavsim.scenarios.moves.follow import LaneFollower
 from lavsim.scenarios.moves.lead import lead
@@ -20,6 +20,7 @@ from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import Site, along_lane, line_ahead
 from lavsim.simulation import Simulation
 from lavsim.types import DT, Control, Role
+from lavsim.world.blueprints import find_blueprint
 from tests.drives import hazard, straight_drive
 
 STAND = Control(brake=1.0)
@@ -123,6 +124,26 @@ def test_a_crossing_is_given_up_before_what_does_not_move_and_ends_elsewhere(blo
     seconds_taken, metres = ends[0]
     assert (10.0 < seconds_taken < 16.0) if blocked else (5.0 < seconds_taken < 6.0)
     assert (metres < 12.0) if blocked else metres == pytest.approx(25.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "aside", "role", "met"),
+    [
+        (5.0, 0.0, Role.PARKED, True),
+        (5.0, 2.4, Role.PARKED, True),  # the car stands across the way: half its length and half a walker's room
+        (5.0, 3.2, Role.PARKED, False),
+        (12.0, 0.0, Role.PARKED, False),  # beyond the end
+        (-3.0, 0.0, Role.PARKED, False),
+        (5.0, 0.0, Role.TRAFFIC, False),  # it moves, or the walker waits for it
+    ],
+)
+def test_a_parked_car_is_met_where_it_stands_in_the_way(ahead: float, aside: float, role: Role, met: bool) -> None:
+    world = Simulation(straight_drive())._world
+    start = world.ego.xy + np.array([0.0, 40.0])
+    car = find_blueprint("vehicle.audi.tt")
+    place = np.array([start[0] + aside, start[1] + ahead, 0.0])
+    world.spawn(999, car, place, 0.0, role)
+    assert meets_parked(world, start, np.array([0.0, 1.0]), 10.0) == met
 
 
 @pytest.mark.parametrize("offset", [3.5, -3.5])

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.scenarios.base import Script
-from lavsim.types import DT, ActorClass
+from lavsim.types import DT, ActorClass, Role
 from lavsim.world.actor import Actor
+from lavsim.world.world import World
 
+_HALF_WIDTH = 0.5  # [m] of a walker, with room to its sides
 GIVES_UP = 10.0  # [s] held up for so long, an actor stays where it is
 
 
@@ -50,3 +52,17 @@ def cross(actor: Actor, way: NDArray[np.float64], speed: float, length: float) -
     """`walk` for walkers, `ride` for what has wheels (which must look in the direction `way`)."""
     is_walker = actor.world.table.classes[actor.row] == ActorClass.WALKER
     return walk(actor, way, speed, length) if is_walker else ride(actor, speed, length)
+
+
+def meets_parked(world: World, start: NDArray[np.float64], way: NDArray[np.float64], length: float) -> bool:
+    """Whether a parked car stands within `length` metres from `start` (2,) in direction `way` (2,)."""
+    rows = np.flatnonzero(world.present[: world.count] & (world.table.roles == Role.PARKED))
+    unit = np.asarray(way, dtype=np.float64) / np.hypot(*way)
+    gap = world.pose[rows, :2] - start
+    along, across = gap @ unit, gap @ np.array([-unit[1], unit[0]])
+    turn = world.pose[rows, 2] - np.arctan2(unit[1], unit[0])
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    half_length, half_width = world.half_sizes[rows].T
+    reach_along, reach_across = half_length * c + half_width * s, half_length * s + half_width * c
+    inside = (along > -reach_along) & (along < length + reach_along) & (np.abs(across) < reach_across + _HALF_WIDTH)
+    return bool(inside.any())
