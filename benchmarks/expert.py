@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from agents.behavior import BehaviorAgent
-from lavsim.agent import AgentSpec, InProcessAgent, plan_of
+from lavsim.agent import InProcessAgent, plan_of
 from lavsim.dataset.plan import CollectPlan
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite
@@ -30,7 +30,7 @@ def measure(town: str, ticks: int, manner: str) -> tuple[np.ndarray, np.ndarray]
     number = 0
     while len(steps) < ticks + WARM_UP:
         simulation = Simulation(replace(plan.episode(number).spec, parked=0.0))
-        agent = InProcessAgent(AgentSpec("agents.behavior:BehaviorAgent", manner), BehaviorAgent)
+        agent = InProcessAgent(BehaviorAgent, manner)
         agent.start(plan_of(simulation.route, simulation.town))
         suite = SensorSuite(get_scene(simulation.town), agent.sensors(), simulation.draws)
         while simulation.snapshot.time < 60.0 and len(steps) < ticks + WARM_UP:
