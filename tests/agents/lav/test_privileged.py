@@ -12,7 +12,8 @@ torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsi
 from agents.behavior.path import PathTracker, path_through
 from agents.behavior.road import StopPoint
 from agents.lav.config import find_preset
-from agents.lav.privileged import TEACHER, PrivilegedLavAgent, _Lines, _vehicles, bev_sensor
+from agents.lav.privileged import TEACHER, PrivilegedLavAgent, bev_sensor
+from agents.lav.told import StopLines, told_vehicles
 from agents.lav.weights import Weights, read_weights, write_weights
 from lavsim.errors import ConfigError
 from lavsim.sensors.base import make_sensor
@@ -29,10 +30,10 @@ def truth(x: float, state: LightState = LightState.RED) -> dict[str, np.ndarray]
     }
 
 
-def lines(light: int) -> _Lines:
+def lines(light: int) -> StopLines:
     points = np.stack([np.arange(200.0), np.zeros(200), np.zeros(200)], axis=1)
     path = path_through(points, np.zeros(200), np.full(200, 4, np.int8))
-    return _Lines(PathTracker(path), [StopPoint(60.0, light)])
+    return StopLines(PathTracker(path), [StopPoint(60.0, light)])
 
 
 def test_the_weights_that_ship_are_a_tiny_teacher() -> None:
@@ -58,7 +59,7 @@ def test_labels_cover_the_grid(preset: str) -> None:
 
 
 def test_only_vehicles_ahead_are_looked_at() -> None:
-    rows, poses = _vehicles(truth(50.0), find_preset("tiny"))
+    rows, poses = told_vehicles(truth(50.0), find_preset("tiny"))
     assert rows.tolist() == [0, 1]
     assert poses[1].tolist() == pytest.approx([-3.5, -10.0, -np.pi], abs=1e-5) or poses[1, 2] == pytest.approx(np.pi)
 
