@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from lavsim.viewer.page import asset, document
+from lavsim.viewer.page import SHARED_SCRIPTS, asset, document
 
-SCRIPTS = ("decode", "drive", "view", "tiles", "scene", "inner", "timeline", "panel", "palette")  # the replay's
 OWN_SCRIPTS = ("link", "world", "keys", "play")  # in this order
 
 
@@ -17,7 +16,7 @@ def live_page() -> tuple[str, str]:
         title="lavsim view",
         style=asset("replay.css") + asset("live/live.css"),
         body=asset("live/page.html"),
-        scripts=(*(f"js/{name}" for name in SCRIPTS), *(f"live/{name}" for name in OWN_SCRIPTS)),
+        scripts=(*(f"js/{name}" for name in SHARED_SCRIPTS), *(f"live/{name}" for name in OWN_SCRIPTS)),
         head='<link rel="icon" href="data:,">\n',
         connect="'self'",
     )

@@ -10,7 +10,8 @@ from functools import cache
 from importlib import resources
 
 # The modules in this order: what is imported stands before.
-SCRIPTS = ("decode", "drive", "view", "tiles", "scene", "inner", "timeline", "panel", "panes", "palette", "main")
+SHARED_SCRIPTS = ("decode", "drive", "view", "tiles", "scene", "inner", "timeline", "panel", "palette", "stage")
+SCRIPTS = (*SHARED_SCRIPTS, "panes", "main")
 _IMPORT = re.compile(r'^import (\{.*?\}) from "(?:\./|\.\./js/)(\w+)\.js";$', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?:async )?(?:function|class|const) (\w+)", re.MULTILINE)
 

@@ -12,11 +12,11 @@ import pytest
 
 pytest.importorskip("websockets", reason="websockets is not installed")
 
-from lavsim.live.page import OWN_SCRIPTS, SCRIPTS, live_page
+from lavsim.live.page import OWN_SCRIPTS, live_page
 from lavsim.live.server import LiveServer
 from lavsim.live.session import Session
 from lavsim.live.stream import scene_message
-from lavsim.viewer.page import SCRIPTS as REPLAY_SCRIPTS
+from lavsim.viewer.page import SHARED_SCRIPTS
 from tests.browser import Window
 from tests.live.drives import RouteDriver, session
 from tests.viewer.drives import EVIL
@@ -64,9 +64,8 @@ def watched(window: Window, tmp_path: Path) -> Iterator[Opened]:
 
 def test_modules_are_the_replays_and_import_only_what_stands_before_them() -> None:
     folder = Path(__file__).parents[2] / "lavsim/viewer/assets"
-    assert set(SCRIPTS) < set(REPLAY_SCRIPTS)
     assert sorted(OWN_SCRIPTS) == sorted(path.stem for path in (folder / "live").glob("*.js"))
-    order = [*(f"../js/{name}" for name in SCRIPTS), *(f"./{name}" for name in OWN_SCRIPTS)]
+    order = [*(f"../js/{name}" for name in SHARED_SCRIPTS), *(f"./{name}" for name in OWN_SCRIPTS)]
     for name in OWN_SCRIPTS:
         used = re.findall(r'from "(.+)\.js"', (folder / "live" / f"{name}.js").read_text())
         assert set(used) <= set(order[: order.index(f"./{name}")])

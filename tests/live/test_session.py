@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from lavsim.agent import AgentFailure, AgentSpec, AgentStatus, InProcessAgent, plan_of
+from lavsim.agent import AgentFailure, AgentSpec, AgentStatus, plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.episode import EpisodeResult, run_episode
 from lavsim.live.commands import Command
 from lavsim.live.drivers import AgentDriver

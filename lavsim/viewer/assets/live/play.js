@@ -1,33 +1,26 @@
-// Puts the parts of the live page together: socket, camera, keys and buttons.
+// Puts the parts of the live page together: socket, keys and buttons.
 
 import { decode } from "../js/decode.js";
 import { Inner } from "../js/inner.js";
-import { THEMES, applyTheme, paletteOf } from "../js/palette.js";
 import { Panel } from "../js/panel.js";
-import { Scene } from "../js/scene.js";
-import { Tiles } from "../js/tiles.js";
+import { Stage } from "../js/stage.js";
 import { clock } from "../js/timeline.js";
-import { View, handle } from "../js/view.js";
 import { Keys } from "./keys.js";
 import { Link } from "./link.js";
 import { World } from "./world.js";
 
 const byId = (id) => document.getElementById(id);
-const TILE_TIME = 10; // [ms] of a frame that missing tiles may take
 const PANEL_PERIOD = 90; // [ms] between updates of the column while it drives
 const LONGEST = 300; // [ms] that a step from tick to tick is drawn over
 const PAUSE = "M7 4h4v16H7zM14 4h4v16h-4z";
 const PLAY = "M7 4l13 8-13 8z";
 const SIGNS = { contact: "!", hazard: "H", set: "+" };
 
-class Player {
+class Player extends Stage {
   constructor(world, link) {
-    Object.assign(this, { world, link, status: null, selected: 0, isFollowing: true, isHeadingUp: true, frames: 0, drawn: 0, innerTick: 0 });
-    this.show = { route: true, trail: true, lights: true, infractions: true, scenery: true, labels: false, paint: false, inner: true };
-    this.palette = paletteOf();
-    this.view = new View(byId("map"));
-    this.tiles = new Tiles(world, this.palette);
-    this.scene = new Scene(world);
+    super(world);
+    Object.assign(this, { world, link, status: null, selected: 0, drawn: 0, innerTick: 0 });
+    this.show.inner = true;
     this.inner = new Inner(world);
     this.panel = new Panel(world, [], {});
     byId("events").replaceChildren();
@@ -35,34 +28,23 @@ class Player {
       ["scenery", "scenery", true], ["labels", "ids", false], ["paint", "own paint", false], ["inner", "agent's view", true]],
     (key, isOn) => this.layer(key, isOn));
     this.keys = new Keys((wish) => link.send("drive", wish));
-    handle(this.view, { moved: () => this.free(), zoomed: (x, y, factor) => this.zoom(x, y, factor), clicked: (x, y) => this.pick(x, y) });
     this.wire();
   }
 
   wire() {
-    const click = (id, action) => byId(id).addEventListener("click", action);
     const { isDriven } = this;
     byId("pad").hidden = byId("reverse").hidden = byId("drive-keys").hidden = !isDriven;
-    click("play", () => this.toggle());
-    click("step", () => this.step());
-    click("reverse", () => this.link.send("reverse"));
-    click("zoom-in", () => this.zoomMiddle(1.4));
-    click("zoom-out", () => this.zoomMiddle(1 / 1.4));
-    click("fit", () => this.fit());
-    click("follow", () => this.follow(!this.isFollowing));
-    click("heading", () => this.turn(!this.isHeadingUp));
-    click("theme", () => this.setTheme(THEMES[(THEMES.indexOf(this.theme) + 1) % THEMES.length]));
-    click("save", () => this.link.send("save"));
-    click("restart", () => this.wait("restart", "Starting anew …", { seed: Math.min(Math.max(Math.round(byId("seed").valueAsNumber || 0), 0), 2147483647) }));
-    click("fork", () => this.wait("fork", "Driving there again …", { tick: this.world.tick }));
-    click("find", () => { byId("find").disabled = true; this.link.send("hazards"); });
+    this.click("play", () => this.toggle());
+    this.click("step", () => this.step());
+    this.click("reverse", () => this.link.send("reverse"));
+    this.click("save", () => this.link.send("save"));
+    this.click("restart", () => this.wait("restart", "Starting anew …", { seed: Math.min(Math.max(Math.round(byId("seed").valueAsNumber || 0), 0), 2147483647) }));
+    this.click("fork", () => this.wait("fork", "Driving there again …", { tick: this.world.tick }));
+    this.click("find", () => { byId("find").disabled = true; this.link.send("hazards"); });
     byId("past").addEventListener("input", (event) => this.link.send("look", { tick: event.target.valueAsNumber }));
     byId("speed").addEventListener("change", (event) => this.link.send("speed", { value: Number(event.target.value) }));
-    document.addEventListener("keydown", (event) => this.onKey(event));
     document.addEventListener("keyup", (event) => this.isDriven && this.keys.take(event.key, false));
-    new ResizeObserver(() => this.onSize()).observe(byId("stage"));
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.setTheme(this.theme));
-    this.setTheme("auto");
+    this.wireMap();
   }
 
   get isDriven() {
@@ -77,9 +59,7 @@ class Player {
     }
     const actions = {
       " ": () => this.toggle(), k: () => this.toggle(), ".": () => this.step(), r: () => this.isDriven && this.link.send("reverse"),
-      f: () => this.follow(!this.isFollowing), h: () => this.turn(!this.isHeadingUp), e: () => this.select(0),
-      "+": () => this.zoomMiddle(1.4), "=": () => this.zoomMiddle(1.4), "-": () => this.zoomMiddle(1 / 1.4), 0: () => this.fit(),
-      t: () => byId("theme").click(), "[": () => this.hasten(-1), "]": () => this.hasten(1),
+      e: () => this.select(0), ...this.mapKeys,
     };
     const action = actions[event.key.toLowerCase()];
     if (!action || (event.repeat && event.key !== ".") || (event.key === " " && event.target.tagName === "BUTTON")) return;
@@ -96,12 +76,6 @@ class Player {
   step() {
     if (this.isPast) this.link.send("look", { tick: this.world.tick + 1 });
     else this.link.send("step", { ticks: 1 });
-  }
-
-  hasten(direction) {
-    const select = byId("speed");
-    select.selectedIndex = Math.min(Math.max(select.selectedIndex + direction, 0), select.options.length - 1);
-    this.link.send("speed", { value: Number(select.value) });
   }
 
   /** Asks for something that takes its time. */
@@ -208,97 +182,10 @@ class Player {
     }
   }
 
-  // ---- camera
-
-  layer(key, isOn) {
-    this.show[key] = isOn;
-    if (key === "scenery") {
-      this.tiles.scenery = isOn;
-      this.tiles.repaint(this.palette);
-    }
-    this.redraw();
-  }
-
-  follow(isOn) {
-    this.isFollowing = isOn;
-    byId("follow").setAttribute("aria-pressed", String(isOn));
-    this.redraw();
-  }
-
-  free() {
-    if (this.isFollowing) this.follow(false);
-    this.redraw();
-  }
-
-  turn(isUp) {
-    this.isHeadingUp = isUp;
-    byId("heading").setAttribute("aria-pressed", String(isUp));
-    if (!isUp) this.view.angle = 0;
-    this.redraw();
-  }
-
-  zoom(x, y, factor) {
-    this.view.zoomAt(x, y, factor);
-    this.redraw();
-  }
-
-  zoomMiddle(factor) {
-    this.zoom(this.view.width / 2, this.view.height * this.view.ahead, factor);
-  }
-
-  fit() {
-    this.follow(false);
-    this.turn(false);
-    this.view.fit(...this.world.meta.frame);
-    this.redraw();
-  }
-
-  pick(x, y) {
-    let best = null;
-    for (const actor of this.scene.drawn) {
-      const gap = Math.hypot(actor.x - x, actor.y - y);
-      if (gap < Math.max(16, 2.4 * this.view.scale) && (!best || gap < best.gap)) best = { gap, id: actor.id };
-    }
-    if (best) this.select(this.world.actors.id.indexOf(best.id));
-  }
-
-  select(row) {
-    this.selected = row;
-    this.redraw();
-  }
-
-  aim() {
-    this.view.ahead = this.isFollowing && this.isHeadingUp ? 0.64 : 0.5;
-    const now = this.world.turnTo();
-    for (let i = 0; this.isFollowing && i < now.count; i++) {
-      if (now.track[i] !== this.selected) continue;
-      this.view.x = now.x[i];
-      this.view.y = now.y[i];
-      if (this.isHeadingUp) this.view.angle = -Math.PI / 2 - now.yaw[i];
-    }
-  }
-
-  onSize() {
-    this.view.resize();
-    this.redraw();
-  }
-
-  setTheme(theme) {
-    this.theme = theme;
-    applyTheme(theme);
-    this.palette = paletteOf();
-    this.tiles.repaint(this.palette);
-    this.panel.listColours(this.palette);
-    this.redraw();
-  }
-
   // ---- drawing
 
   redraw() {
-    this.isSettled = false;
-    if (this.asked || !this.status) return;
-    this.asked = true;
-    requestAnimationFrame((now) => this.frame(now));
+    if (this.status) super.redraw();
   }
 
   /** How far the picture is between the last two ticks that came. */
@@ -310,21 +197,10 @@ class Player {
   }
 
   frame(now) {
-    this.asked = false;
-    const { world, view } = this;
+    const { world } = this;
     world.share = this.share();
-    const moment = world.shownMoment;
-    this.aim();
-    const context = byId("map").getContext("2d", { alpha: false });
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.fillStyle = this.palette.land;
-    context.fillRect(0, 0, view.canvas.width, view.canvas.height);
-    const isComplete = this.tiles.draw(context, view, performance.now() + TILE_TIME);
-    const isShown = () => this.show.inner;
     const late = world.tick - this.innerTick;
-    this.inner.draw(context, view, late, isShown, this.palette);
-    this.scene.draw(context, view, moment, this.show, this.palette, this.selected);
-    this.inner.drawLabels(context, view, late, isShown, this.palette);
+    const isComplete = this.drawMap(world.shownMoment, late, () => this.show.inner);
     this.showHud();
     if (this.status.paused || !this.shown || now - this.shown > PANEL_PERIOD) {
       this.shown = now;
@@ -340,16 +216,13 @@ class Player {
   }
 
   showHud() {
-    const { world, status, view } = this;
+    const { world, status } = this;
     byId("hud-speed").textContent = `${Math.abs(world.speed * 0.036).toFixed(0)} km/h${world.isReverse ? " R" : ""}`;
     byId("hud-state").textContent = `${status.metres.toFixed(0)} of ${status.length.toFixed(0)} m`;
     byId("clock").textContent = clock(world.tick * world.dt);
     const more = document.createElement("small");
     more.textContent = `  tick ${world.tick}`;
     byId("clock").append(more);
-    const metres = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000].find((m) => m * view.scale > 50) || 5000;
-    byId("scale").firstElementChild.style.width = `${metres * view.scale}px`;
-    byId("scale").lastElementChild.textContent = `${metres} m`;
   }
 }
 
