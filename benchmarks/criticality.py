@@ -11,7 +11,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 
-from lavsim.agent import AgentSpec, InProcessAgent, plan_of
+from lavsim.agent import AgentSpec, plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.episode import EpisodeResult, run_episode
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite

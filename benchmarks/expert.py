@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from agents.behavior import BehaviorAgent
-from lavsim.agent import InProcessAgent, plan_of
+from lavsim.agent import plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.dataset.plan import CollectPlan
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite

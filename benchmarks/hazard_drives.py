@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.encounters import Encounters
-from lavsim.agent import AgentSpec, InProcessAgent, plan_of
+from lavsim.agent import AgentSpec, plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.episode import EpisodeResult, run_episode
 from lavsim.executor import make_executor
 from lavsim.map.route import Route

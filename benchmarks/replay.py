@@ -13,7 +13,8 @@ import time
 from pathlib import Path
 
 from agents.behavior import BehaviorAgent
-from lavsim.agent import InProcessAgent, plan_of
+from lavsim.agent import plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.episode import run_episode
 from lavsim.log.writer import LogWriter
 from lavsim.render.scene import get_scene

@@ -14,7 +14,8 @@ from dataclasses import asdict
 from typing import Any
 
 from lavsim import carla_standin, route_standin, srunner_standin
-from lavsim.agent import AgentFailure, AgentPlan, AgentRunner, AgentSpec, AgentStatus
+from lavsim.agent import AgentFailure, AgentPlan, AgentSpec, AgentStatus
+from lavsim.agent_runner import AgentRunner
 from lavsim.messages import Channel
 
 

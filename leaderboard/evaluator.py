@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from lavsim.agent import find_agent
+from lavsim.agent_source import find_agent
 from lavsim.errors import LavsimError, OutputError, RouteError
 from lavsim.executor import make_executor
 from lavsim.sensors.suites import find_suite

@@ -30,7 +30,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("dataset", "rerun_export", "export_scene"),
     ("episode", "viewer"),
     ("isolation", "isolation_child"),
-    ("agent", "agent_source", "carla_standin", "route_standin", "srunner_standin"),
+    ("agent", "agent_runner", "agent_source", "carla_standin", "route_standin", "srunner_standin"),
     ("log",),
     ("simulation",),
     ("scenarios", "sensors"),

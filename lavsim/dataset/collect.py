@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lavsim.agent import find_agent
+from lavsim.agent_source import find_agent
 from lavsim.dataset import folder
 from lavsim.dataset.card import write_card
 from lavsim.dataset.drive import EpisodeTask, collect_episode, info_of

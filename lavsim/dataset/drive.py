@@ -9,7 +9,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from lavsim.agent import AgentFailure, AgentHandle, AgentSpec, InProcessAgent, plan_of
+from lavsim.agent import AgentFailure, AgentHandle, AgentSpec, plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.dataset.ends import DriveEnds
 from lavsim.dataset.folder import working
 from lavsim.dataset.noise import ControlNoise, DisturbedAgent

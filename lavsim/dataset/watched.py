@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-from lavsim.agent import AgentPlan, InProcessAgent, Readings, Track
+from lavsim.agent import AgentPlan, Readings, Track
+from lavsim.agent_runner import InProcessAgent
 from lavsim.types import Control
 
 

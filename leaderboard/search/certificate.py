@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lavsim.agent import find_agent
+from lavsim.agent_source import find_agent
 from lavsim.errors import ConfigError, RouteError
 from lavsim.executor import make_executor
 from lavsim.scenarios.base import SCENARIOS, ScenarioSpec

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from lavsim.agent import AgentSpec, InProcessAgent, Readings, Track, plan_of
+from lavsim.agent import AgentSpec, Readings, Track, plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.episode import EpisodeResult, run_episode
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite

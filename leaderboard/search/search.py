@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from lavsim.agent import AgentSpec, find_agent
+from lavsim.agent import AgentSpec
+from lavsim.agent_source import find_agent
 from lavsim.errors import ConfigError
 from lavsim.executor import make_executor
 from lavsim.random import Draws

@@ -15,13 +15,13 @@ from lavsim.agent import (
     AgentPlan,
     AgentSpec,
     AgentStatus,
-    InProcessAgent,
     Location,
     Track,
     Transform,
     downsample_route,
     parse_control,
 )
+from lavsim.agent_runner import InProcessAgent
 from lavsim.agent_source import find_agent, load_agent_class
 from lavsim.errors import AgentError
 from lavsim.types import Control, RoadOption

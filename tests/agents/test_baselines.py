@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from agents.baselines.blind import alone
-from lavsim.agent import InProcessAgent, plan_of
+from lavsim.agent import plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.agent_source import packaged_agents
 from lavsim.episode import run_episode
 from lavsim.map.planner import get_planner

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from agents.behavior import BehaviorAgent
-from lavsim.agent import InProcessAgent, plan_of
+from lavsim.agent import plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.dataset.schema import DatasetInfo, RecordConfig
 from lavsim.dataset.watched import Watched
 from lavsim.dataset.writer import EpisodeWriter

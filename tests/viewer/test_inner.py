@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from agents.behavior import BehaviorAgent
-from lavsim.agent import AgentSpec, InProcessAgent, plan_of
+from lavsim.agent import AgentSpec, plan_of
+from lavsim.agent_runner import InProcessAgent
 from lavsim.episode import run_episode
 from lavsim.isolation import ChildAgent
 from lavsim.log.drawings import DrawingsWriter, read_drawings

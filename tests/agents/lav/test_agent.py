@@ -22,7 +22,9 @@ from agents.lav.models.student import Student
 from agents.lav.perceive import Perceiver, read_trained
 from agents.lav.scans import Scans
 from agents.lav.weights import Weights, write_weights
-from lavsim.agent import AgentSpec, InProcessAgent, Track, load_agent_class, plan_of
+from lavsim.agent import AgentSpec, Track, plan_of
+from lavsim.agent_runner import InProcessAgent
+from lavsim.agent_source import load_agent_class
 from lavsim.drawings import checked_all
 from lavsim.errors import ConfigError
 from lavsim.render.scene import get_scene
@@ -79,14 +81,14 @@ def driver() -> Driver:
 def test_it_stops_before_whoever_likely_crosses_its_plan(
     x: float, y: float, speed: float, likelihood: float, stops: bool
 ) -> None:
-    control = driver().step(AHEAD, [forecast(x, y, speed, likelihood)], 6.0, 3)
+    control = driver().step(AHEAD, {"vehicle": forecast(x, y, speed, likelihood)}, 6.0, 3)
     assert (control.brake == 1.0) == stops
 
 
 def test_walkers_go_on_as_they_go() -> None:
     places, velocities = np.array([[3.0, -8.0]]), np.array([[-2.0, 0.0]])
-    assert driver().step(AHEAD, [straight_forecasts(places, velocities, 10)], 6.0, 3).brake == 1.0
-    assert driver().step(AHEAD, [straight_forecasts(places, -velocities, 10)], 6.0, 3).brake == 0.0
+    assert driver().step(AHEAD, {"vehicle": straight_forecasts(places, velocities, 10)}, 6.0, 3).brake == 1.0
+    assert driver().step(AHEAD, {"vehicle": straight_forecasts(places, -velocities, 10)}, 6.0, 3).brake == 0.0
 
 
 def test_who_stands_is_not_foreseen_to_pull_out() -> None:
@@ -95,13 +97,13 @@ def test_who_stands_is_not_foreseen_to_pull_out() -> None:
     pose, size = np.array([[4.0, -8.0, 0.0]]), np.array([[2.4, 1.0]])
     for stands in (True, False):
         others = vehicle_forecasts(outlook, pose, size, np.array([stands]))
-        assert (driver().step(AHEAD, [others], 6.0, 3).brake == 0.0) == stands
+        assert (driver().step(AHEAD, {"vehicle": others}, 6.0, 3).brake == 0.0) == stands
 
 
 def test_it_creeps_later_where_the_brake_network_holds_it() -> None:
     for is_held, patience in ((False, 200), (True, 1200)):
         stuck = driver()
-        crowd = [] if is_held else [forecast(0.0, -9.0, 0.0)]
+        crowd = {} if is_held else {"vehicle": forecast(0.0, -9.0, 0.0)}
         controls = [stuck.step(AHEAD, crowd, 0.0, 3, is_held) for _ in range(patience)]
         assert controls[-2] == Control(brake=1.0)
         assert controls[-1].throttle > 0.0
