@@ -23,7 +23,8 @@ from lavsim.types import ActorClass, LaneType, Role, Tag
 from lavsim.world.snapshot import Snapshot
 
 if TYPE_CHECKING:
-    from lavsim.map.town_map import MarkLine, TownMap
+    from lavsim.map.marks import MarkLine
+    from lavsim.map.town_map import TownMap
 
 Floats = NDArray[np.float64]
 Rgb = tuple[int, int, int]

@@ -6,7 +6,7 @@ import hashlib
 import logging
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from importlib import resources
 from pathlib import Path
@@ -22,9 +22,10 @@ from lavsim.map.junction import Junction
 from lavsim.map.landmark import Landmark, build_landmarks, landmarks_ahead
 from lavsim.map.lane import LaneTable
 from lavsim.map.lane_index import LaneIndex, centre_points
+from lavsim.map.marks import MarkLine, mark_lines, stop_mark
 from lavsim.map.opendrive import read_bytes, read_network
 from lavsim.map.parking import ParkingSlot
-from lavsim.map.records import Network, RoadMark
+from lavsim.map.records import Network
 from lavsim.map.section import RoadShape, SectionShape
 from lavsim.map.signal import LightGroup, Sign, TrafficLight, is_stop_line, outline_in_world
 from lavsim.types import LaneType
@@ -48,28 +49,7 @@ ROADWAY = (
     | LaneType.ON_RAMP
     | LaneType.PARKING
 )  # lanes that vehicles may be on
-MARK_SPACING = 1.0  # [m] between the points of a mark line
 MOST_STEPS = 50_000  # lanes passed in one search ahead or behind; rings of tiny lanes have no end
-DOUBLE_GAP = 0.12  # [m] from the middle of a double line to each of its lines
-
-
-@dataclass(frozen=True, eq=False)
-class MarkLine:
-    """Paint or kerb along a road.
-
-    Attributes:
-        points: (M, 2) polyline in the middle of the paint [m].
-        width: [m].
-        colour: "white" or "yellow" (others as the file says).
-        kind: "solid", "broken" (one polyline; dashes are the drawer's), "curb", "stop" …
-        z: (M,) heights of the points [m]; None where the map gives none.
-    """
-
-    points: Floats
-    width: float
-    colour: str
-    kind: str
-    z: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,10 +329,10 @@ class TownMap:
             for index in range(len(road.sections)):
                 section = self.section(road.id, index)
                 for lane in section.record.lanes:
-                    lines += _mark_lines(section, lane.id, lane.marks)
+                    lines += mark_lines(section, lane.id, lane.marks)
             for thing in road.objects:
                 if is_stop_line(thing):
-                    lines.append(_stop_mark(outline_in_world(thing, self.shapes[road.id])))
+                    lines.append(stop_mark(outline_in_world(thing, self.shapes[road.id])))
         return tuple(lines)
 
     def topology(self) -> list[tuple[Waypoint, Waypoint]]:
@@ -547,47 +527,6 @@ class Waypoint:
             lane_id = -self.lane_id
         lane = self.town._lane_of.get((self.road_id, self.section_id, lane_id))
         return None if lane is None else Waypoint(self.town, lane, self.town.lanes.u_of_s(lane, self.s))
-
-
-def _mark_lines(section: SectionShape, lane_id: int, marks: Sequence[RoadMark]) -> list[MarkLine]:
-    lines: list[MarkLine] = []
-    span: tuple[float, float, RoadMark] | None = None
-    pieces: list[tuple[float, float, RoadMark]] = []
-    for k, mark in enumerate(marks):
-        low = section.start + mark.s
-        high = section.start + marks[k + 1].s if k + 1 < len(marks) else section.end
-        high = min(high, section.end)
-        if high - low < 1e-3:
-            continue
-        same = span is not None and replace(span[2], s=0.0) == replace(mark, s=0.0)
-        if span is not None and same and abs(span[1] - low) < 1e-6:
-            span = (span[0], high, span[2])
-            pieces[-1] = span
-        else:
-            span = (low, high, mark)
-            pieces.append(span)
-    for low, high, mark in pieces:
-        if mark.kind in ("none", "", "grass"):
-            continue
-        s = np.linspace(low, min(high, section.end - 1e-7), max(2, int(np.ceil((high - low) / MARK_SPACING)) + 1))
-        t, slope = section.edge(lane_id, s)
-        colour = "white" if mark.colour == "standard" else mark.colour
-        words = mark.kind.split()
-        kinds = [(words[0], 0.0)] if len(words) == 1 else [(words[0], DOUBLE_GAP), (words[1], -DOUBLE_GAP)]
-        for kind, aside in kinds:
-            points = section.polyline((t + aside, slope), s)
-            lines.append(MarkLine(points[:, :2], mark.width or 0.12, colour, kind, points[:, 2]))
-    return lines
-
-
-def _stop_mark(corners: Floats) -> MarkLine:
-    """A painted bar as a line along its long side."""
-    centre = corners.mean(axis=0)
-    _, _, axes = np.linalg.svd(corners - centre)
-    local = (corners - centre) @ axes.T
-    low, high = local.min(axis=0), local.max(axis=0)
-    ends = np.stack([centre + axes[0] * low[0], centre + axes[0] * high[0]])
-    return MarkLine(ends, float(max(high[1] - low[1], 0.1)), "white", "stop")
 
 
 def build_town(name: str, data: bytes, source: str | None = None) -> TownMap:
