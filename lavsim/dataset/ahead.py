@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lavsim.dataset.columns import ROUTE_POINTS
 from lavsim.geometry import to_local
 from lavsim.map.route import Route, RouteTracker
-from lavsim.map.signal import StopLine
+from lavsim.map.stop_lines import StopLine
 from lavsim.map.town_map import TownMap
 from lavsim.types import LightState
 from lavsim.world.snapshot import Snapshot

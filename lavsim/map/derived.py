@@ -31,15 +31,14 @@ from lavsim.map.section import RoadShape
 from lavsim.map.signal import (
     LightGroup,
     Sign,
-    StopLine,
     TrafficLight,
     TriggerBox,
     build_groups,
     build_lights,
     build_signs,
-    outline_in_world,
     speed_signs,
 )
+from lavsim.map.stop_lines import StopLine, outline_in_world
 
 Floats = NDArray[np.float64]
 
@@ -60,6 +59,7 @@ CODE = (  # modules behind the data
     "section",
     "signal",
     "speed_limits",
+    "stop_lines",
     "turns",
 )
 _log = logging.getLogger(__name__)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lavsim.map.records import Network, ObjectRecord
 from lavsim.map.section import RoadShape
-from lavsim.map.signal import outline_in_world
+from lavsim.map.stop_lines import outline_in_world
 
 MOST_SLOTS = 20_000
 MOST_COPIES = 1_000  # of one object

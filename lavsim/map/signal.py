@@ -13,6 +13,7 @@ from lavsim.errors import MapError
 from lavsim.map.lane import LaneTable
 from lavsim.map.records import SPEED_UNITS, JunctionRecord, Network, ObjectRecord, RoadRecord, SignalRecord, Validity
 from lavsim.map.section import RoadShape
+from lavsim.map.stop_lines import StopLine, painted_lines, point_on, stop_line, width_on
 from lavsim.types import LaneType
 
 LIGHT_TYPES = {"1000001", "1000002", "1000009", "1000010", "1000011", "1000012", "1000013"}
@@ -26,36 +27,8 @@ TRIGGER_HALF_HEIGHT = 1.0  # [m]
 CUBE_SHARE = 0.45  # half side of the trigger cube of stop and yield signs, and of lights before 0.9.14, in lane widths
 SPEED_CUBE_SHARE = 0.35  # the same of speed signs
 STOP_STEP = 0.5  # [m] the leaderboard's walk to the stop waypoint
-PAINT_RANGE = 15.0  # [m] a painted stop line farther before the junction belongs to something else
 MOST_GOVERNED = 20_000  # signals times the lanes for which they count; Town04 has some 200
-STOP_LINE_NAMES = ("StopLine", "SolidSingleWhite")
 _SPEED_NAME = re.compile(r"[Ss]peed_(\d+(?:\.\d+)?)")
-
-
-@dataclass(frozen=True)
-class StopLine:
-    """Where a lane ends for a red light.
-
-    Attributes:
-        lane: Approach lane (index into the lane table).
-        road_id: Its road in the file.
-        lane_id: Its id in the file.
-        u: Stop waypoint of the leaderboard, the last 0.5 m step before the junction, on the lane [m].
-        x, y: The same point in the world [m].
-        yaw: Direction of travel there [rad].
-        width: Lane width there [m].
-        paint_u: Painted stop line on the lane [m]; `u` where none is painted.
-    """
-
-    lane: int
-    road_id: int
-    lane_id: int
-    u: float
-    x: float
-    y: float
-    yaw: float
-    width: float
-    paint_u: float
 
 
 @dataclass(frozen=True)
@@ -294,7 +267,7 @@ def build_lights(
 ) -> tuple[tuple[TrafficLight, ...], NDArray[np.int32]]:
     """The lights of a town, and the light of each lane."""
     govern = _Governing(lanes)
-    paint = _painted_lines(network, shapes)
+    paint = painted_lines(network, shapes)
     governing = np.full(len(lanes), -1, np.int32)
     lights: list[TrafficLight] = []
     for signal, road, places in _standing(network):
@@ -313,7 +286,7 @@ def build_signs(
 ) -> tuple[tuple[Sign, ...], NDArray[np.int32]]:
     """The signs of a town, and the stop or yield sign of each junction lane (a stop sign where it has both)."""
     govern = _Governing(lanes)
-    paint = _painted_lines(network, shapes)
+    paint = painted_lines(network, shapes)
     governing = np.full(len(lanes), -1, np.int32)
     signs: list[Sign] = []
     for thing, road, places in _standing(network):
@@ -369,7 +342,7 @@ def _stops(lanes: LaneTable, approach: dict[int, float], paint: NDArray[np.float
         length = float(lanes.length[lane])
         u = min(max(length - max(TRIGGER_SETBACK - beyond, 0.0), 0.0), length)
         last = u + STOP_STEP * np.floor((length - u) / STOP_STEP + 1e-9)
-        found.append((u, _stop_line(lanes, lane, float(last), paint)))
+        found.append((u, stop_line(lanes, lane, float(last), paint)))
     return found
 
 
@@ -447,82 +420,6 @@ def _sign(
         stop_lines=tuple(stop for _, stop in _stops(lanes, governed.approach, paint)) if limit is None else (),
         boxes=boxes,
     )
-
-
-def point_on(lanes: LaneTable, lane: int, u: float) -> NDArray[np.float64]:
-    """x, y, z, yaw, curvature of `lane` at `u`, linear between centre points."""
-    points = lanes.centre_line(lane)
-    position = min(max(u / float(lanes.step[lane]), 0.0), len(points) - 1.0)
-    row = min(int(position), len(points) - 2)
-    return points[row] + (position - row) * (points[row + 1] - points[row])
-
-
-def width_on(lanes: LaneTable, lane: int, u: float) -> float:
-    """Width of `lane` at `u` [m]."""
-    rows = lanes.rows(lane)
-    return float(np.interp(u, np.arange(rows.stop - rows.start) * lanes.step[lane], lanes.width[rows]))
-
-
-def _stop_line(lanes: LaneTable, lane: int, u: float, paint: NDArray[np.float64]) -> StopLine:
-    x, y, _, yaw, _ = point_on(lanes, lane, u)
-    width = width_on(lanes, lane, u)
-    painted = u
-    end = lanes.points[lanes.first[lane + 1] - 1, :2]
-    if len(paint):
-        paint = paint[np.hypot(*(paint[:, :2] - end).T) < PAINT_RANGE + 2.0 + np.maximum(paint[:, 2], width)]
-    if len(paint):
-        points = lanes.centre_line(lane)[:, :2]
-        near = int(np.ceil(PAINT_RANGE / float(lanes.step[lane]))) + 1
-        tail = points[-near:]
-        distance = np.hypot(paint[:, None, 0] - tail[None, :, 0], paint[:, None, 1] - tail[None, :, 1])
-        line, point = np.unravel_index(int(np.argmin(distance)), distance.shape)
-        if distance[line, point] < max(paint[line, 2] / 2.0, width / 2.0):
-            painted = float((len(points) - len(tail) + int(point)) * lanes.step[lane])
-    return StopLine(
-        lane,
-        int(lanes.road_id[lane]),
-        int(lanes.lane_id[lane]),
-        u,
-        float(x),
-        float(y),
-        float(yaw),
-        width,
-        min(painted, u),
-    )
-
-
-def is_stop_line(thing: ObjectRecord) -> bool:
-    """Whether an object is a painted stop line."""
-    return thing.name in STOP_LINE_NAMES
-
-
-def outline_in_world(thing: ObjectRecord, shape: RoadShape) -> NDArray[np.float64]:
-    """Corners `(M, 2)` of an object's outline, or of its length x width box [m]."""
-    if thing.road_outline and not thing.outline:
-        return np.array([shape.place(s, t)[:2] for s, t, _ in thing.road_outline])
-    corners: Sequence[Sequence[float]] = thing.outline
-    if not corners:
-        a, b = thing.length / 2.0, thing.width / 2.0
-        corners = [(a, b), (a, -b), (-a, -b), (-a, b)]
-    local = np.array([corner[:2] for corner in corners])
-    x, y, _, yaw = shape.place(thing.s, thing.t)
-    heading = -yaw + thing.heading  # OpenDRIVE's sense
-    u, v = local[:, 0], local[:, 1]
-    return np.stack(
-        [x + u * np.cos(heading) - v * np.sin(heading), y - (u * np.sin(heading) + v * np.cos(heading))], axis=1
-    )
-
-
-def _painted_lines(network: Network, shapes: dict[int, RoadShape]) -> NDArray[np.float64]:
-    """Centres and lengths `(K, 3)` of painted stop lines."""
-    rows = []
-    for road in network.roads:
-        for thing in road.objects:
-            if is_stop_line(thing):
-                corners = outline_in_world(thing, shapes[road.id])
-                extent = float(np.hypot(*(corners.max(axis=0) - corners.min(axis=0))))
-                rows.append((*corners.mean(axis=0), extent))
-    return np.array(rows).reshape(-1, 3)
 
 
 def build_groups(

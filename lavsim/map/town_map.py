@@ -27,7 +27,8 @@ from lavsim.map.opendrive import read_bytes, read_network
 from lavsim.map.parking import ParkingSlot
 from lavsim.map.records import Network
 from lavsim.map.section import RoadShape, SectionShape
-from lavsim.map.signal import LightGroup, Sign, TrafficLight, is_stop_line, outline_in_world
+from lavsim.map.signal import LightGroup, Sign, TrafficLight
+from lavsim.map.stop_lines import is_stop_line, outline_in_world
 from lavsim.types import LaneType
 
 if TYPE_CHECKING:

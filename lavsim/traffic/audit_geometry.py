@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lavsim.map.signal import StopLine
+from lavsim.map.stop_lines import StopLine
 from lavsim.map.town_map import LaneHits, TownMap
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 
 from lavsim.geometry import forward, right, segments_cross
 from lavsim.map.route import Route
-from lavsim.map.signal import StopLine
+from lavsim.map.stop_lines import StopLine
 from lavsim.map.town_map import TownMap
 from lavsim.types import LightState
 from lavsim.world.snapshot import EgoState, Snapshot
