@@ -1,6 +1,8 @@
-"""A run as a table in the terminal."""
+"""A run as a table in the terminal, and the same for programs."""
 
 from __future__ import annotations
+
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
@@ -64,6 +66,23 @@ def run_table(run: Run) -> RenderableType:
             Text(infraction_text(record["infractions"])),
         )
     return Group(table, Text(_below(run), style="dim"))
+
+
+def run_facts(run: Run) -> dict[str, Any]:
+    """What the table says, for programs: scores in the leaderboard's own names and ranges."""
+    drives = [
+        {
+            "route": str(run.drive(record["index"]).get("route", record["route_id"])),
+            "repetition": run.drive(record["index"]).get("repetition", 0),
+            "town": run.drive(record["index"]).get("town", ""),
+            "status": record["status"],
+            **record["scores"],
+            "infractions": {kind: len(found) for kind, found in record["infractions"].items() if found},
+        }
+        for record in run.records
+    ]
+    about = {key: run.run.get(key) for key in ("rules", "benchmark_id", "track")}
+    return {"run": str(run.folder), "status": run.total.get("status", ""), **about, "mean": run.mean, "drives": drives}
 
 
 def _below(run: Run) -> str:

@@ -1,4 +1,4 @@
-"""The command line: lists, mistakes in one line with exit code 2, and nothing but JSON where JSON was asked for."""
+"""The command line: lists, and mistakes in one line; tests/test_interfaces.py has what all commands share."""
 
 from __future__ import annotations
 
@@ -27,18 +27,6 @@ def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     lines = captured.err.strip().splitlines()
     assert len(lines) == 1, captured.err
     return lines[0]
-
-
-@pytest.mark.parametrize("command", ["towns", "routes", "agents", "sensors", "scenarios"])
-def test_every_list_prints_one_json_array_of_objects(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, "--json"]) == 0
-    captured = capsys.readouterr()
-    entries = json.loads(captured.out)
-    assert captured.err == ""
-    assert entries
-    assert all(isinstance(entry, dict) for entry in entries)
-    assert main([command]) == 0
-    assert str(next(iter(entries[0].values()))) in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

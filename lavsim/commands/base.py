@@ -14,7 +14,6 @@ from lavsim.errors import OutputError
 app = typer.Typer(
     name="lavsim",
     help="Drive and score driving agents in OpenDRIVE towns, on the CPU.",
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,

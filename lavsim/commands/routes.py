@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from lavsim.commands import complete
 from lavsim.commands.base import AsJson, TownPath, app, print_findings, print_list, towns_at
 from lavsim.commands.scenarios import ScenarioPath
 from lavsim.errors import OutputError, UnknownName
@@ -36,7 +37,11 @@ def routes(context: typer.Context, as_json: AsJson = False) -> None:
 @routes_app.command("list")
 def list_routes(
     file: Annotated[
-        str | None, typer.Argument(help="Name of a bundled route file, or a path; all bundled ones by default.")
+        str | None,
+        typer.Argument(
+            help="Name of a bundled route file, or a path; all bundled ones by default.",
+            autocompletion=complete.routes,
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -65,7 +70,9 @@ def _list_routes(file: str | None, as_json: bool) -> None:
 
 @routes_app.command("check")
 def check_routes(
-    file: Annotated[str, typer.Argument(help="A route file, or the name of a bundled one.")],
+    file: Annotated[
+        str, typer.Argument(help="A route file, or the name of a bundled one.", autocompletion=complete.routes)
+    ],
     town_path: TownPath = None,
     as_json: AsJson = False,
 ) -> int:
@@ -77,7 +84,7 @@ def check_routes(
 
 @routes_app.command("make")
 def make_routes(
-    town: Annotated[str, typer.Option(help="Where.")],
+    town: Annotated[str, typer.Option(help="Where.", autocompletion=complete.towns)],
     out: Annotated[Path, typer.Option(help="The route file to write.")],
     count: Annotated[int, typer.Option(help="Routes.")] = 10,
     length: Annotated[str, typer.Option(help="Shortest and longest in metres: '500-2000'.")] = "500-2000",

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from lavsim.commands.base import TownPath, app, print_rich, towns_at
+from lavsim.commands import complete
+from lavsim.commands.base import AsJson, TownPath, app, print_rich, towns_at
 from lavsim.commands.progress import ScoreBar
 from lavsim.commands.scenarios import ScenarioPath
 
 
 @app.command()
 def score(
-    agent: Annotated[str, typer.Option(help="'module:Class', 'file.py' or 'file.py:Class'.")],
-    routes: Annotated[str, typer.Option(help="Name of a bundled route file, or a path.")] = "quick",
+    agent: Annotated[
+        str, typer.Option(help="'module:Class', 'file.py' or 'file.py:Class'.", autocompletion=complete.agents)
+    ],
+    routes: Annotated[
+        str, typer.Option(help="Name of a bundled route file, or a path.", autocompletion=complete.routes)
+    ] = "quick",
     out: Annotated[Path, typer.Option(help="Folder for the run.")] = Path("runs/score"),
     agent_config: Annotated[str | None, typer.Option(help="Handed to the agent's setup.")] = None,
-    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1, bench2drive or corrected.")] = "1.0",
+    rules: Annotated[
+        str, typer.Option(help="1.0, 2.0, 2.1, bench2drive or corrected.", autocompletion=complete.rules)
+    ] = "1.0",
     seed: Annotated[int, typer.Option(help="Root of everything that is drawn.")] = 0,
     route_ids: Annotated[str | None, typer.Option(help="Some routes of the file: '0,3-5'.")] = None,
     scenarios_json: Annotated[
@@ -84,7 +92,7 @@ def score(
 @app.command()
 def rescore(
     run: Annotated[Path, typer.Argument(help="Folder of a run.")],
-    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1, bench2drive or corrected.")],
+    rules: Annotated[str, typer.Option(help="1.0, 2.0, 2.1, bench2drive or corrected.", autocompletion=complete.rules)],
     out: Annotated[Path | None, typer.Option(help="Folder of the new run; below the old one by default.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder.")] = False,
     town_path: TownPath = None,
@@ -124,19 +132,24 @@ def report(
     out: Annotated[
         Path | None, typer.Option(help="Where the comparison of several runs goes; comparison.html of the first.")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Print the tables of runs, write their reports and replays again, and compare several of them."""
     from leaderboard.report.comparison import check_comparable, write_comparison
     from leaderboard.report.page import write_report
     from leaderboard.run import Run
-    from leaderboard.table import run_table
+    from leaderboard.table import run_facts, run_table
 
     loaded = [Run.load(folder) for folder in runs]
     check_comparable(loaded)
     for run in loaded:
-        if len(loaded) > 1:
-            typer.echo(str(run.folder))
-        print_rich(run_table(run))
+        if not as_json:
+            if len(loaded) > 1:
+                typer.echo(str(run.folder))
+            print_rich(run_table(run))
         write_report(run)
-    if len(loaded) > 1:
-        typer.echo(str(write_comparison(loaded, out)))
+    comparison = write_comparison(loaded, out) if len(loaded) > 1 else None
+    if as_json:
+        typer.echo(json.dumps([run_facts(run) for run in loaded], ensure_ascii=False))
+    elif comparison is not None:
+        typer.echo(str(comparison))

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from lavsim.commands import complete
 from lavsim.commands.base import TownPath, app, towns_at
 from lavsim.commands.progress import Shares
 from lavsim.errors import OutputError, UnknownName
@@ -16,7 +17,10 @@ from lavsim.errors import OutputError, UnknownName
 def show(
     what: Annotated[
         str,
-        typer.Argument(help="A town, a route file (or bundled name), the folder of a run or dataset, or a *.lavlog."),
+        typer.Argument(
+            help="A town, a route file (or bundled name), the folder of a run or dataset, or a *.lavlog.",
+            autocompletion=complete.towns_and_routes,
+        ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder for the pictures; runs/show by default.")] = None,
     route_ids: Annotated[str | None, typer.Option(help="Some routes of a file: '0,3-5'.")] = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lavsim.commands import complete
 from lavsim.commands.base import TownPath, app, towns_at
 from lavsim.errors import ConfigError, LogError, OutputError, UnknownName
 
@@ -17,12 +18,19 @@ if TYPE_CHECKING:
 
 @app.command()
 def view(
-    routes: Annotated[str, typer.Argument(help="Name of a bundled route file, or a path.")] = "quick",
+    routes: Annotated[
+        str, typer.Argument(help="Name of a bundled route file, or a path.", autocompletion=complete.routes)
+    ] = "quick",
     route_id: Annotated[str | None, typer.Option(help="Which route of the file; its first by default.")] = None,
-    agent: Annotated[str | None, typer.Option(help="Watch this agent: 'module:Class', 'file.py'.")] = None,
+    agent: Annotated[
+        str | None, typer.Option(help="Watch this agent: 'module:Class', 'file.py'.", autocompletion=complete.agents)
+    ] = None,
     agent_config: Annotated[str | None, typer.Option(help="Handed to the agent's setup.")] = None,
     keyboard: Annotated[bool, typer.Option("--keyboard", help="Drive by keys; so it is without --agent.")] = False,
-    town: Annotated[str | None, typer.Option(help="Drive a route drawn in this town instead of a file's.")] = None,
+    town: Annotated[
+        str | None,
+        typer.Option(help="Drive a route drawn in this town instead of a file's.", autocompletion=complete.towns),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Root of everything that is drawn.")] = 0,
     traffic: Annotated[str | None, typer.Option(help="leaderboard, lav or empty, where the file names none.")] = None,
     rules: Annotated[str, typer.Option(help="By which saved logs are judged: 1.0, 2.0, 2.1 …")] = "1.0",
