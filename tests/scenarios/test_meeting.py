@@ -10,11 +10,15 @@ from lavsim.map.town_map import load_town
 from lavsim.scenarios.base import Scenario, Script, Stage
 from lavsim.scenarios.moves import flow
 from lavsim.scenarios.moves.flow import ActorFlow
+from lavsim.scenarios.moves.indicators import indicators_along
+from lavsim.scenarios.moves.junctions import ways_through
 from lavsim.scenarios.moves.meeting import ego_time, phase_at
+from lavsim.scenarios.moves.pursuit import STEP, line_of
 from lavsim.scenarios.parameters import Interval
 from lavsim.scenarios.place import join, kerb, line_ahead, line_behind
 from lavsim.simulation import Simulation
-from lavsim.types import ActorIds
+from lavsim.types import ActorIds, Control, VehicleLight
+from tests import worlds
 from tests.drives import follow, hazard, straight_drive, straight_route
 from tests.scenarios.test_moves import Tried, registered  # noqa: F401 - a fixture
 
@@ -88,6 +92,41 @@ def test_a_stream_spares_an_ego_that_has_long_been_before_it(
         snapshot = simulation.tick(follow(straight_route(), simulation.snapshot, 5.0))
         hits += int(np.count_nonzero(snapshot.contacts["b"] >= int(ActorIds.SCENARIOS)))
     assert (hits > 0) is is_hit
+
+
+@pytest.mark.parametrize(("merged", "is_hit"), [(flow._MERGED, False), (10**9, True)])
+def test_a_stream_that_brakes_softly_brakes_harder_for_who_has_merged(
+    merged: int, is_hit: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With 1.5 m/s² alone it would run into an ego that stops before a red light."""
+    monkeypatch.setattr(flow, "_MERGED", merged)
+
+    def script(scenario: Scenario, stage: Stage) -> Script:
+        line = join(line_behind(stage.anchor, 50.0), line_ahead(stage.anchor, 150.0))
+        gap = Interval(40.0, 40.0)
+        yield from ActorFlow(scenario, stage, line, 16.0, gap, keeps_distance=True, braking=1.5).run()
+
+    Tried.wanted = staticmethod(script)
+    simulation = Simulation(straight_drive(scenarios=(hazard("Tried", 55),)))
+    hits = 0
+    for tick in range(320):
+        steer = follow(straight_route(), simulation.snapshot, 7.0)
+        snapshot = simulation.tick(steer if tick < 290 else Control(brake=0.4))
+        hits += int(np.count_nonzero(snapshot.contacts["b"] >= int(ActorIds.SCENARIOS)))
+    assert (hits > 0) is is_hit
+
+
+@pytest.mark.parametrize("light", [VehicleLight.LEFT_BLINKER, VehicleLight.RIGHT_BLINKER, VehicleLight.NONE])
+def test_who_turns_at_a_junction_signals_from_before_it_to_its_end(light: VehicleLight) -> None:
+    town = worlds.crossing(lights=False)
+    turns = {VehicleLight.LEFT_BLINKER: -np.pi / 2.0, VehicleLight.RIGHT_BLINKER: np.pi / 2.0}
+    way = min(ways_through(town, 0), key=lambda way: abs(way.turn - turns.get(light, 0.0)))
+    line = line_of(way.path(60.0, 30.0))
+    signals = indicators_along(town, line, 0.0)
+    inside = STEP * (len(line_of(way.inner()).xy) - 1)
+    expected = np.zeros(len(signals), np.int32)
+    expected[round(30.0 / STEP) : round((60.0 + inside) / STEP)] = int(light)
+    assert np.count_nonzero(signals != expected) <= 6, "a metre or two at either end"
 
 
 def test_the_kerb_lies_beyond_a_median() -> None:

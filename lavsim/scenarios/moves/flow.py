@@ -13,6 +13,7 @@ from lavsim.geometry import to_local, wrap_angle
 from lavsim.scenarios.base import Scenario, Script, Stage
 from lavsim.scenarios.moves.checks import check_positive
 from lavsim.scenarios.moves.follow import ACCELERATION, DECELERATION, step_column
+from lavsim.scenarios.moves.indicators import INDICATORS, indicators_along
 from lavsim.scenarios.moves.pursuit import STEP, line_of, make_column
 from lavsim.scenarios.parameters import Interval
 from lavsim.types import DT, Role
@@ -83,7 +84,8 @@ class ActorFlow:
     ) -> None:
         self._scenario, self._stage, self.line = scenario, stage, line_of(line)
         self.speed, self._gap, self._models, self._keeps = speed, gap, models, keeps_distance
-        self._most, self._offset, self._limits = most, offset, (ACCELERATION, braking)
+        self._most, self._offset, self._braking = most, offset, braking
+        self._indicators = indicators_along(stage.town, self.line, stage.anchor.z)
         self._column, self._count = make_column(_MOST), 0
         self._draws = stage.draws.stream("flow", len(scenario.actors))
         self._next_gap = self._draw_gap()
@@ -132,7 +134,9 @@ class ActorFlow:
             else:  # the lane belongs to the stream: the original takes background traffic off it
                 self._stage.traffic.make_room(self.line.xy[0], _ROOM)
         column.wanted[:] = self.speed
-        step_column(self._stage, self.line, column, self._limits)
+        braking = DECELERATION if self._merged > _MERGED else self._braking
+        step_column(self._stage, self.line, column, (ACCELERATION, braking))
+        self._signal()
 
     def run(self) -> Script:
         """Acts without end."""
@@ -156,6 +160,14 @@ class ActorFlow:
         forward = np.hypot(*self._stage.world.velocity[self._column.row, :2].T)
         has_slowed = here & self._column.keeps & (forward < _SLOWED * self.speed)
         self._column.keeps[:] = has_slowed | (self._keeps or ego.speed < _STANDING or self._merged > _MERGED)
+
+    def _signal(self) -> None:
+        """Who turns says so."""
+        here = self._column.row >= 0
+        rows = self._column.row[here]
+        points = np.minimum((self._column.at[here] / STEP).astype(np.int64), len(self._indicators) - 1)
+        lights = self._stage.world.lights
+        lights[rows] = (lights[rows] & ~INDICATORS) | self._indicators[points]
 
     def _draw_gap(self) -> float:
         return float(self._draws.uniform(self._count, 1, *self._gap)[0])
