@@ -46,6 +46,7 @@ JUNCTION_OPTIONS = (RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT)
 DEFAULT_LIMIT = 30.0 / 3.6  # [m/s] without a map
 BACKING_AFTER = 3.0  # [s] of standing before an obstacle
 HURRIED = {"limit_share": 1.3, "limit_gap": 0.0, "top_speed": 25.0, "lateral": 3.0}  # with somebody at its back
+CLOSE_UP = {"headway": 0.4, "standstill": 1.2}  # to who drives before it in a gap: who comes behind needs the room
 LATE = 4.0  # [m/s²] it keeps off obstacles it wants to pass if that braking suffices
 PATIENCE = 20.0  # [s] of standing for others after which it takes the smallest gaps
 
@@ -114,7 +115,7 @@ class Expert:
         self._controller = Controller()
         self._dash = Dash()
         self._brisk = self.manner.changed(acceleration=max(self.manner.acceleration, BRISK))
-        self._dashing = self.manner.changed(acceleration=max(self.manner.acceleration, PULL))
+        self._dashing = self.manner.changed(acceleration=max(self.manner.acceleration, PULL), **CLOSE_UP)
         self._goes: set[int] = set()  # stop lines it decided to cross at yellow
         self._yellow_since: dict[int, float] = {}
         self._signs_done = 0  # stop signs at which it has stood or which lie behind it
@@ -158,7 +159,7 @@ class Expert:
         if dashes:
             met = met.of_followed()
             hurried = min(path.at(self._hurried, ahead + 0.5), kerb)
-            bounds = [("free", min((hurried - speed) / 0.4, PULL), False)]
+            bounds = [("free", min((hurried - speed) / 0.4, self._dash.pull), False)]
         if len(met.acceleration):
             worst = int(np.argmin(met.acceleration))
             held_by = f"actor {int(truth['ids'][forecast.row[worst]])}"

@@ -1,4 +1,4 @@
-"""Taking a gap in one go: whether pulling away firmly now leads through everybody's forecasts."""
+"""Taking a gap in one go: whether pulling away firmly now leads through everybody's forecasts, and how firmly."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ SLOW = 4.0  # [m/s] only from here: who drives faster has the usual gaps
 SPARE, SPARE_UNDER_WAY = 0.4, 0.0  # [s] to others, to begin and to go on
 SPARE_WALKER = 1.2  # [s]
 ROOM, ROOM_UNDER_WAY = 0.8, 0.1  # [m]
+BEHIND = 0.5  # [m] to who is followed
 LASTS = 5.0  # [s]
-LAST_BRAKING = 7.0  # [m/s²] it gives up if that brings it to rest before their ways
 HELD = 0.5  # [m/s²] less than that left by others holds it up
 
 _WALKER = int(ActorClass.WALKER)
@@ -33,10 +33,11 @@ class Dash:
 
     Attributes:
         is_on: Whether it takes a gap now.
+        pull: Acceleration with which it does [m/s²].
     """
 
     def __init__(self) -> None:
-        self.is_on = False
+        self.is_on, self.pull = False, PULL
         self._since = 0.0
 
     def update(
@@ -72,12 +73,16 @@ class Dash:
         spare, room = (SPARE_UNDER_WAY, ROOM_UNDER_WAY) if self.is_on else (SPARE, ROOM)
         ahead = allowed[round(met.base / STEP) :]
         start = ego.s - met.base
-        self.is_on = bool(_is_free(met.enters, met.leaves, forecast.kind, yields, start, ego.speed, ahead, spare, room))
+        meets = (met.enters, met.leaves, forecast.kind, yields)
+        self.is_on, limit = _leads_through(*meets, start, ego.speed, ahead, spare, room, PULL)
+        if self.is_on and limit < PULL:  # somebody has to pass first
+            self.is_on, _ = _leads_through(*meets, start, ego.speed, ahead, spare, room, limit)
+        self.pull = limit
         return self.is_on
 
 
 @kernel
-def _is_free(
+def _leads_through(
     enters: Floats,
     leaves: Floats,
     kind: NDArray[np.uint8],
@@ -87,8 +92,14 @@ def _is_free(
     allowed: Floats,
     spare: float,
     room: float,
-) -> bool:
-    """Drives on with `PULL` for the horizon; who is ahead when their ways meet is followed, others must stay behind."""
+    pull: float,
+) -> tuple[bool, float]:
+    """Drives on with `pull` for the horizon; who is ahead when their ways meet passes first, others must stay behind.
+
+    Returns:
+        Whether that goes, and the largest acceleration up to `PULL` that comes near nobody ahead [m/s²].
+    """
+    begun, limit = speed, PULL
     count, last = len(enters), len(allowed) - 1
     is_ahead, is_behind = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     place = start
@@ -100,27 +111,32 @@ def _is_free(
             low, high = STEP * enters[h, k], STEP * leaves[h, k]
             if is_ahead[h]:
                 if place > low - 0.3:
-                    return False
+                    return False, limit
             elif place - margin > high:
                 is_behind[h] = True
             elif is_behind[h]:
                 if not yields[h]:
-                    return False
+                    return False, limit
             elif place + margin < low:
                 is_ahead[h] = True
             else:
-                return False
+                return False, limit
         if k + 1 == COUNT:
             break
         cap = math.inf
         for h in range(count):
             if is_ahead[h] and enters[h, k + 1] >= 0.0:
-                cap = min(cap, STEP * enters[h, k + 1] - room)
+                cap = min(cap, STEP * enters[h, k + 1] - max(room, BEHIND))
         for _ in range(3):
             top = allowed[min(int(place / STEP), last)]
-            speed = min(speed + PULL * DT / 3.0, max(top, speed - PULL * DT / 3.0))
+            speed = max(min(speed + pull * DT / 3.0, max(top, speed - PULL * DT / 3.0)), 0.0)
             place += speed * DT / 3.0
         if place > cap:
             speed = max(speed - (place - cap) / DT, 0.0)
             place = max(cap, start)
-    return True
+            time, way = (k + 1) * DT, place - start
+            needed = 2.0 * (way - begun * time) / (time * time)
+            if begun + needed * time < 0.0:
+                needed = -begun * begun / (2.0 * max(way, 0.1))
+            limit = min(limit, needed)
+    return True, limit

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.behavior.memory import ACCELERATION, SPEED, TURN
-from agents.behavior.ways import MAX_LANES, MAX_WAYS, Ways, find_ways, roll_back, roll_way, ways_of
+from agents.behavior.ways import MAX_LANES, MAX_WAYS, Ways, find_ways, roll_back, roll_way, slow_for_bends, ways_of
 from lavsim.kernel import kernel
 from lavsim.map.town_map import TownMap
 from lavsim.types import ActorClass, VehicleLight
@@ -144,7 +144,7 @@ def _roll_all(
 ) -> int:
     """Fills `poses` and `index` (which of `rows` each belongs to); returns how many."""
     made = 0
-    travelled = np.empty(COUNT)
+    travelled, slowed = np.empty(COUNT), np.empty(COUNT)
     chains, sizes_of = np.empty((MAX_WAYS, MAX_LANES), np.int64), np.empty(MAX_WAYS, np.int64)
     for i in range(len(rows)):
         row = rows[i]
@@ -179,8 +179,9 @@ def _roll_all(
             goal = offset  # rides at the edge of its lane and stays there
         for k in range(found):
             nose = hits[i, 1] + 0.5 * sizes[row, 0]
+            slow_for_bends(ways, chains[k], sizes_of[k], hits[i, 1], speed, travelled, DT, slowed)
             roll_way(
-                ways, chains[k], sizes_of[k], hits[i, 1], nose, offset, goal, max(abs(sideways), 0.5), speed, travelled,
+                ways, chains[k], sizes_of[k], hits[i, 1], nose, offset, goal, max(abs(sideways), 0.5), speed, slowed,
                 TIMES, lights, RUNS_RED, poses[made],
             )  # fmt: skip
             index[made] = i

@@ -20,6 +20,9 @@ T = TypeVar("T", bound=np.generic)
 BEYOND = 70.0  # [m] of road behind a lane's end that another driver may use within the horizon
 MAX_WAYS = 6  # from one lane
 MAX_LANES = 24  # of a way
+LATERAL = 4.0  # [m/s²] in bends: who is too fast for one slows down before it
+SLOWING, HARDEST = 4.0, 6.0  # [m/s²] before bends, and once it is too late for that
+SLOWEST = 3.0  # [m/s] in any bend
 
 _LEFT, _RIGHT, _STRAIGHT = int(RoadOption.LEFT), int(RoadOption.RIGHT), int(RoadOption.STRAIGHT)
 _FOLLOW, _RED = int(RoadOption.LANEFOLLOW), int(LightState.RED)
@@ -39,6 +42,7 @@ class Ways(NamedTuple):
     junction: Ints
     light: Ints
     turn: NDArray[np.int8]
+    sharpest: Floats  # (L,) largest curvature of each lane [1/m]
 
 
 def ways_of(town: TownMap | None) -> Ways:
@@ -46,11 +50,15 @@ def ways_of(town: TownMap | None) -> Ways:
     if town is None:
         floats, ints = _plain(np.zeros(0)), _plain(np.zeros(1, np.int32))
         none = _plain(np.zeros((0, 5)))
-        return Ways(floats, ints, floats, none, ints, ints, ints, ints, ints, ints, _plain(np.zeros(0, np.int8)))
+        return Ways(
+            floats, ints, floats, none, ints, ints, ints, ints, ints, ints, _plain(np.zeros(0, np.int8)), floats
+        )
     t = town.lanes
+    sharpest = np.maximum.reduceat(np.abs(t.points[:, 4]), t.first[:-1])
     return Ways(
         _plain(t.length), _plain(t.first), _plain(t.step), _plain(t.points), _plain(t.succ_first), _plain(t.succ),
         _plain(t.pred_first), _plain(t.pred), _plain(t.junction), _plain(t.light), _plain(t.turn),
+        _plain(sharpest),
     )  # fmt: skip
 
 
@@ -135,6 +143,50 @@ def _follow_on(ways: Ways, chain: NDArray[np.int64], size: int, beyond: float) -
         beyond += ways.length[chain[size]]
         size += 1
     return size
+
+
+@kernel
+def slow_for_bends(
+    ways: Ways, chain: NDArray[np.int64], size: int, u: float, speed: float, travelled: Floats, dt: float, out: Floats
+) -> None:
+    """Distance [m] at the forecast times of who slows for the bends of its way.
+
+    Args:
+        ways: The town's lanes.
+        chain: (≥ size,) lanes of the way.
+        size: How many.
+        u: Place of the box centre on the first lane [m].
+        speed: [m/s].
+        travelled: (K,) distance without bends [m].
+        dt: Between the forecast times [s].
+        out: (K,) distance [m].
+    """
+    out[:] = travelled
+    reach, start, is_slowed = u + travelled[-1], 0.0, False
+    for k in range(size):
+        if start > reach:
+            break
+        is_slowed = is_slowed or speed * speed * ways.sharpest[chain[k]] > LATERAL
+        start += ways.length[chain[k]]
+    if not is_slowed:
+        return
+    count = int(travelled[-1]) + 2
+    square = np.full(count, np.inf)  # of the speed at each metre
+    at, begun = 0, 0.0
+    for i in range(count):
+        while at + 1 < size and u + i > begun + ways.length[chain[at]]:
+            begun += ways.length[chain[at]]
+            at += 1
+        first, last = ways.first[chain[at]], ways.first[chain[at] + 1] - 1
+        point = min(first + int((u + i - begun) / ways.step[chain[at]] + 0.5), last)
+        square[i] = max(LATERAL / max(abs(ways.points[point, 4]), 1e-4), SLOWEST * SLOWEST)
+    for i in range(count - 2, -1, -1):
+        square[i] = min(square[i], square[i + 1] + 2.0 * SLOWING)
+    for k in range(1, len(travelled)):
+        allowed = math.sqrt(square[min(int(out[k - 1] + 0.5), count - 1)])
+        lowest = max(speed - HARDEST * dt, 0.0)
+        speed = min((travelled[k] - travelled[k - 1]) / dt, max(allowed, lowest))
+        out[k] = out[k - 1] + speed * dt
 
 
 @kernel

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.behavior.agent import Expert
+from agents.behavior.agent import CLOSE_UP, Expert
 from agents.behavior.control import Controller
-from agents.behavior.dash import ROOM, SPARE, _is_free
+from agents.behavior.dash import PULL, ROOM, SPARE, _leads_through
 from agents.behavior.forecast import COUNT, TIMES
+from agents.behavior.manner import Manner
+from agents.behavior.speed import follow
 from lavsim.types import ActorClass, Role
 from tests.agents.test_behavior import Other, straight
 from tests.agents.test_behavior_detour import Street
@@ -45,7 +47,7 @@ def test_stream_without_is_waited_for_off_its_way(speed: float, gap: float) -> N
 def free(enters: Floats, leaves: Floats, yields: bool = False, start: float = 0.0, speed: float = 0.0) -> bool:
     allowed = np.full(200, 12.0)
     row = np.array([yields])
-    return bool(_is_free(enters[None], leaves[None], CAR, row, start, speed, allowed, SPARE, ROOM))
+    return _leads_through(enters[None], leaves[None], CAR, row, start, speed, allowed, SPARE, ROOM, PULL)[0]
 
 
 def behind(speed: float, since: float) -> tuple[Floats, Floats]:
@@ -67,6 +69,31 @@ def test_who_has_just_passed_is_followed() -> None:
     standing = np.full(COUNT, 30.0), np.full(COUNT, 50.0)
     assert free(*standing), "it stops behind it"
     assert not free(np.full(COUNT, 0.0), np.full(COUNT, 10.0)), "there is no room"
+
+
+def test_who_crosses_ahead_is_not_run_into() -> None:
+    """It is 3 m off the way of one who leaves that after 1.5 s: with all its might it would be in it before."""
+    enters = np.where(TIMES < 1.5, 6.0, -1.0)
+    goes, pull = _leads_through(
+        enters[None], enters[None] + 8.0, CAR, np.array([False]), 0.0, 2.0, np.full(200, 12.0), 0.0, 0.1, PULL
+    )
+    assert goes
+    assert pull < 0.5
+    assert 2.0 * 1.2 + 0.5 * pull * 1.2**2 < 2.6, "where it is when the other is last there"
+
+
+def test_a_gap_once_begun_behind_somebody_close_is_not_given_up_in_turns() -> None:
+    args = CAR, np.array([False]), 0.0, 0.1, np.full(200, 12.0), 0.0, 0.1, PULL
+    at = 2.0 + 10.0 * TIMES
+    assert _leads_through((at / 0.5)[None], ((at + 5.0) / 0.5)[None], *args)[0]
+    slow = np.minimum(2.0 + 1.0 * TIMES, 4.0)
+    assert _leads_through((slow / 0.5)[None], ((slow + 5.0) / 0.5)[None], *args)[0], "it keeps behind it"
+
+
+def test_who_is_followed_closely_does_not_hold_it_back() -> None:
+    manner = Manner()
+    assert follow(5.0, 3.0, 10.0, 10.0, manner.changed(acceleration=PULL, **CLOSE_UP).pace) > 2.0
+    assert follow(5.0, 3.0, 10.0, 10.0, manner.pace) < 2.0
 
 
 def test_firm_wishes_are_not_smoothed() -> None:
