@@ -14,10 +14,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.lav.config import TIME_STEP, LavConfig
+from agents.lav.config import TIME_STEP, GridConfig, LavConfig
 from agents.lav.data.arrays import grid_layers, motion_arrays
 from agents.lav.data.windows import bev_config
 from agents.lav.frames import planner_from_vehicle, planner_from_world, vehicle_from_planner, world_from_planner
+from agents.lav.ways import METRES, driven_way
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.samples import SampleFilter
 from lavsim.dataset.tables import Table
@@ -47,6 +48,9 @@ class MotionSamples:
         brake: (N,) bool, whether the expert made a full stop.
         pushed: (N,) bool, whether noise on its control pushed the ego aside.
         centre: (N, T, 2) float32, where the ego would be on the middle of its route with the speed it has [m].
+        ways: (N, P, 2) float32, where it drove on, a metre from point to point.
+        half: Half length and half width of the ego [m].
+        grid: Of the labels.
     """
 
     bev: NDArray[np.uint8]
@@ -59,6 +63,9 @@ class MotionSamples:
     brake: NDArray[np.bool_]
     pushed: NDArray[np.bool_]
     centre: NDArray[np.float32]
+    ways: NDArray[np.float32]
+    half: tuple[float, float]
+    grid: GridConfig
 
     def __len__(self) -> int:
         return len(self.command)
@@ -72,6 +79,11 @@ class MotionSamples:
     def plans(self) -> NDArray[np.bool_]:
         """(N,) whether the ego's future is one that the expert chose, and not a stop."""
         return ~self.brake & ~self.pushed
+
+    @property
+    def holds(self) -> NDArray[np.bool_]:
+        """(N,) whether the ego stops, and its way says where it will go on."""
+        return self.brake & ~self.pushed
 
     def images(self, samples: NDArray[np.int64]) -> Tensor:
         """(B, L, rows, cols) float32 labels."""
@@ -115,6 +127,9 @@ def motions_at(data: Dataset, places: Sequence[tuple[int, int]], config: LavConf
         brake=np.zeros(count, bool),
         pushed=np.zeros(count, bool),
         centre=np.zeros((count, steps, 2), np.float32),
+        ways=np.zeros((count, METRES + 1, 2), np.float32),
+        half=_half_size(data.table(places[0][0])),
+        grid=config.grid,
     )
     for k, (episode, frame) in enumerate(places):
         layers = data.read(episode, frame, ("bev",))["bev"]
@@ -125,7 +140,14 @@ def motions_at(data: Dataset, places: Sequence[tuple[int, int]], config: LavConf
             getattr(found, name)[k] = arrays[name]
         found.pushed[k] = is_pushed(table, frame, steps)
         found.centre[k] = centre_path(table, frame, steps)
+        found.ways[k] = driven_way(table, frame)
     return found
+
+
+def _half_size(table: Table) -> tuple[float, float]:
+    """Of the ego, who is the first actor of a frame."""
+    length, width = table.columns["actor_size"].values[0, :2].tolist()
+    return length / 2.0, width / 2.0
 
 
 def is_pushed(table: Table, first: int, steps: int) -> bool:

@@ -17,6 +17,7 @@ from agents.lav.models.teacher import Motions, make_teacher
 from agents.lav.motion_measures import measures_of
 from agents.lav.motion_pictures import teacher_sheet
 from agents.lav.stages.base import STAGES, Stage, StageInput, StepContext, TrainConfig
+from agents.lav.ways import way_loss
 from lavsim.random import Draws
 
 OTHERS_WEIGHT = 0.5  # of others' loss in the end
@@ -24,6 +25,7 @@ COMMAND_WEIGHT = 0.1
 SMOOTHING = 0.2  # of the command's label
 TURN_WEIGHT = (5.0, 5.0, 5.0, 1.0, 1.0, 1.0)  # turns are rare, and refinement would forget them
 DRIVEN_SHARE = 0.5  # of the refinements' loss, of the commanded branch alone
+WAY_WEIGHT = 1.0  # of the distance from the way
 LAMBDA_SHARE = 0.04  # of the run after which others count by a fifth: earlier, branches collapse to one
 
 
@@ -76,16 +78,23 @@ def _ego_loss(motions: Motions, batch: Batch) -> Tensor:
     """The coarse branch of the command and all refinements; full stops have causes that labels don't show.
 
     All branches are refined towards the one future, as in the paper. The branch that is driven counts as much as all of
-    them: most have never met the scene of another command, and a small refiner spends itself on them.
+    them: most have never met the scene of another command, and a small refiner spends itself on them. Frames that brake
+    teach the way.
     """
-    future = batch.futures[:, 0]
-    weight = torch.tensor(TURN_WEIGHT)[batch.commands] * batch.plans
-    each = path_loss(chosen(motions.coarse[:, 0], batch.commands), future)
+    future, turns = batch.futures[:, 0], torch.tensor(TURN_WEIGHT)[batch.commands]
+    coarse = chosen(motions.coarse[:, 0], batch.commands)
+    each, aside = path_loss(coarse, future), way_loss(coarse, batch.ways)
     if motions.refined.shape[1]:
         refined = path_loss(motions.refined, future[:, None, None])
-        driven = path_loss(chosen(motions.refined, batch.commands), future[:, None])
-        each = each + (1.0 - DRIVEN_SHARE) * refined.mean(dim=(1, 2)) + DRIVEN_SHARE * driven.mean(dim=1)
-    return (each * weight).sum() / weight.sum().clamp(min=1.0)
+        driven = chosen(motions.refined, batch.commands)
+        each = each + (1.0 - DRIVEN_SHARE) * refined.mean(dim=(1, 2))
+        each = each + DRIVEN_SHARE * path_loss(driven, future[:, None]).mean(dim=1)
+        aside = aside + way_loss(driven, batch.ways).mean(dim=1)
+    return _weighted(each, turns * batch.plans) + WAY_WEIGHT * _weighted(aside, turns * batch.leads)
+
+
+def _weighted(values: Tensor, weight: Tensor) -> Tensor:
+    return (values * weight).sum() / weight.sum().clamp(min=1.0)
 
 
 def _others_loss(motions: Motions, batch: Batch) -> Tensor:

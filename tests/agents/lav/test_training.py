@@ -23,6 +23,7 @@ from agents.lav.records import CURVE, MEASURES
 from agents.lav.stages.base import Stage, StageInput, StepContext, TrainConfig
 from agents.lav.stages.bev import teacher_loss
 from agents.lav.training import rate_at, train_stage
+from agents.lav.ways import PULL_AWAY, led_back, pulled_away, way_loss
 from agents.lav.weights import Weights, read_weights, write_weights
 from lavsim.errors import ConfigError
 from lavsim.random import Draws
@@ -149,6 +150,9 @@ def made_samples(count: int = 16) -> MotionSamples:
         brake=np.zeros(count, bool),
         pushed=np.zeros(count, bool),
         centre=futures[:, 0].copy(),
+        ways=np.stack([np.zeros((count, 33)), np.broadcast_to(-np.arange(33.0), (count, 33))], -1).astype(np.float32),
+        half=(2.45, 1.06),
+        grid=grid,
     )
 
 
@@ -167,20 +171,73 @@ def test_jittered_windows_see_the_same_world() -> None:
     assert moved.is_real[:, 0].all()
     for batch in (still, moved):
         ego = to_planner(batch.futures[:, 0], batch.poses[:, 0])
-        assert torch.allclose(ego, torch.from_numpy(samples.futures[index, 0]), atol=1e-4)
+        way = torch.from_numpy(samples.futures[index, 0])
+        assert torch.allclose(ego, led_back(way, batch.poses[:, 0, :2]), atol=1e-4)
         goals = to_planner(batch.goals, batch.poses[:, 0])
         assert torch.allclose(goals, torch.from_numpy(samples.goals[index]), atol=1e-4)
     again = draw_batch(samples, index, Draws(7))
     assert torch.equal(again.poses, moved.poses)
 
 
-def test_braking_frames_teach_no_plan_and_missing_vehicles_nothing() -> None:
+def test_a_moved_window_does_not_show_whence_it_was_moved() -> None:
+    """The ego is drawn where the window is, and nowhere else: what is seen of it says nothing."""
+    samples = made_samples()
+    index = np.arange(16)
+    moved = draw_batch(samples, index, Draws(7))
+    assert float(moved.poses[:, 0, 0].abs().max()) > 2.0
+    y, x = torch.meshgrid(
+        torch.arange(MICRO.grid.rows) + 0.5 - MICRO.grid.ahead,
+        torch.arange(MICRO.grid.cols) + 0.5 - MICRO.grid.aside,
+        indexing="ij",
+    )
+    for image, pose in zip(moved.images, moved.poses[:, 0], strict=True):
+        cells = image[1] > 0
+        middle = torch.stack([x[cells].mean(), y[cells].mean()])
+        assert float((middle - pose[:2]).abs().max()) < 0.6
+        assert 10 <= int(cells.sum()) <= 32
+    assert torch.equal(moved.images[:, 0], samples.images(index)[:, 0]), "the road stays"
+
+
+def test_a_plan_comes_back_gently_and_stays() -> None:
+    way = torch.stack([torch.zeros(20), -torch.arange(1.0, 21.0)], dim=-1)[None]
+    led = led_back(way, torch.tensor([[3.0, 0.0]]))
+    assert led[0, 0, 0] > 2.9
+    assert torch.equal(led[0, 13:], way[0, 13:]), "4 m, and 3 m for each metre aside"
+    assert (torch.diff(led[0, :, 0]) <= 0.0).all()
+    assert torch.equal(led_back(way, torch.zeros(1, 2)), way)
+
+
+def test_a_way_says_how_far_aside_and_not_how_fast() -> None:
+    ways = torch.stack([torch.zeros(33), -torch.arange(33.0)], dim=-1)[None]
+    for speed in (0.3, 1.0, 5.0):
+        path = torch.stack([torch.full((4,), 0.7), -speed * torch.arange(1.0, 5.0)], dim=-1)
+        assert way_loss(path[None, None], ways).tolist() == [[pytest.approx(0.7)]]
+    start = pulled_away(ways, 10)[0]
+    assert start[-1].tolist() == pytest.approx([0.0, -0.5 * PULL_AWAY * 2.5**2])
+
+
+def test_who_stands_for_others_is_taught_to_pull_away_and_who_brakes_where_to_go_on() -> None:
+    samples = made_samples(4)
+    samples.brake[:2] = True
+    samples.pushed[1] = True
+    samples.speeds[0] = 0.0
+    batch = plain_batch(samples, np.arange(4))
+    assert batch.plans.tolist() == [True, False, True, True]
+    assert batch.leads.tolist() == [True, False, True, True]
+    assert batch.futures[0, 0, :, 1].tolist() == pytest.approx([-0.0625, -0.25, -0.5625, -1.0])
+    samples.speeds[0] = 5.0
+    batch = plain_batch(samples, np.arange(4))
+    assert (batch.plans.tolist(), batch.leads.tolist()) == ([False, False, True, True], [True, False, True, True])
+
+
+def test_frames_without_plan_and_way_teach_none_and_missing_vehicles_nothing() -> None:
     samples = made_samples(4)
     network = make_teacher(MICRO).eval()
     batch = plain_batch(samples, np.arange(4))
     motions = motions_of(network, batch)
     _, parts = teacher_loss(motions, batch, 1.0)
     batch.plans[:] = False
+    batch.leads[:] = False
     total, braking = teacher_loss(motions, batch, 1.0)
     assert parts["ego"] > 0.0
     assert braking["ego"] == 0.0
@@ -237,8 +294,8 @@ def test_windows_that_stand_are_few_and_bends_come_twice() -> None:
     samples.futures[900:, 0, -1, 0] = 4.0
     chosen = worth_learning(samples, Draws(5))
     times = np.bincount(chosen, minlength=1000)
-    assert 20 < times[:400].sum() < 60
-    assert 30 < times[400:500].sum() < 70
+    assert 80 < times[:400].sum() < 160
+    assert 50 < times[400:500].sum() < 90
     assert (times[500:900] == 1).all()
     assert (times[900:] == 2).all()
     assert np.array_equal(chosen, worth_learning(samples, Draws(5)))
