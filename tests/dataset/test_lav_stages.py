@@ -81,12 +81,15 @@ def test_every_variant_takes_a_step(recorded: Path, name: str) -> None:
 
 
 def test_the_student_sees_windows_where_the_teacher_does(recorded: Path) -> None:
-    """Poses in the turned world are those in the true one, turned; the ego stands about straight in what it sees."""
+    """Poses in the student's world are those in the true one, moved and turned; the ego's window at the origin, and
+    about straight."""
     lesson = FullStage(given(recorded)).load(np.arange(4), Draws(3))
     true, seen = lesson.motions.poses, lesson.poses
     angle = seen[:, 0, 2] - true[:, 0, 2]
     assert float(angle.abs().max()) > 0.01
-    back = torch.stack([torch.zeros(4), torch.zeros(4), -angle], dim=1)
+    back = torch.stack([true[:, 0, 0], true[:, 0, 1], -angle], dim=1)
+    assert float(seen[:, 0, :2].abs().max()) == 0.0
+    assert float(true[:, 0, 0].abs().max()) > 0.1
     assert torch.allclose(to_planner(seen[..., :2], back), true[..., :2], atol=1e-4)
     assert float(seen[:, 0, 2].abs().max()) < np.radians(20.0) + 1e-6
     assert lesson.scene.boxes[:, 0, :3].abs().max() == 0.0
@@ -102,6 +105,7 @@ def test_distillation_by_hand() -> None:
         images=zeros(1), poses=zeros(1, 3, 3), futures=zeros(1, 3, 4, 2),
         is_real=torch.tensor([[True, True, False]]), speeds=zeros(1, 3), commands=torch.tensor([3]),
         goals=zeros(1, 2, 2), brakes=torch.tensor([True]), plans=torch.tensor([False]),
+        ways=zeros(1, 33, 2), leads=torch.tensor([True]),
     )  # fmt: skip
     total, parts = distillation_loss(student, taught, batch)
     assert parts["ego"] == pytest.approx(1.0 + 2.0), "all branches, also of frames in which the expert brakes"
@@ -137,4 +141,4 @@ def test_a_handful_of_frames_is_learnt(recorded: Path, tmp_path: Path, name: str
         assert after["ego"] < 0.4 * before["ego"]
 
 
-GOLDEN = {"perception": (3.819684, 44.8359), "full": (6.371431, 780.650)}  # loss, norm of the gradient
+GOLDEN = {"perception": (3.819684, 44.8359), "full": (6.716558, 2111.310)}  # loss, norm of the gradient

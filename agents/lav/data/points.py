@@ -53,7 +53,14 @@ def in_front_view(points: Floats) -> NDArray[np.bool_]:
 
 
 def scan_points(
-    data: Dataset, episode: int, frame: int, config: LavConfig, scores: Scores | None, angle: float, draws: Draws | None
+    data: Dataset,
+    episode: int,
+    frame: int,
+    config: LavConfig,
+    scores: Scores | None,
+    angle: float,
+    draws: Draws | None,
+    right: float = 0.0,
 ) -> Floats:
     """(P, F) points of a frame on the grid, F = `config.point_features`.
 
@@ -66,6 +73,7 @@ def scan_points(
         angle: The world is turned by it.
         draws: Of the points that are left out and the jitter of past scans; without them every n-th point goes, and
             past scans lie where they were.
+        right: As seen from so far right of the ego [m], before the turn.
     """
     scans = config.temporal.scans
     first = _segment_start(data, episode, frame)
@@ -80,6 +88,7 @@ def scan_points(
             points = np.concatenate([points, tags], axis=1)
         parts.append(points)
     points = np.concatenate(parts)
+    points[:, 1] -= right
     points[:, :2] = turned(points[:, :2], angle)
     points = thinned(points, config, draws)
     if config.painted:

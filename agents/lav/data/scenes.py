@@ -2,7 +2,7 @@
 
 Boxes are (x, y, heading, half length, half width) in the planner frame, as `agents.lav.models.detection` has them; a
 turn rotates the world about the ego, clockwise from above [rad], while the ego's own box keeps its heading: it is the
-ego that stands askew on its road.
+ego that stands askew on its road. Likewise it may stand beside its place, to the right [m].
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Actors(NamedTuple):
     hits: NDArray[np.int64]
 
 
-def actors_of(table: Table, frame: int, angle: float = 0.0, most: int = MOST_ACTORS) -> Actors:
+def actors_of(table: Table, frame: int, angle: float = 0.0, right: float = 0.0, most: int = MOST_ACTORS) -> Actors:
     """Whom a frame shows."""
     columns = table.columns
     ends = columns["actor_id"].ends
@@ -50,7 +50,8 @@ def actors_of(table: Table, frame: int, angle: float = 0.0, most: int = MOST_ACT
     kinds = np.array([_kind(value) for value in range(max(ActorClass) + 1)])[columns["actor_class"].values[rows]]
     rows, kinds = rows[kinds != NOBODY], kinds[kinds != NOBODY]
     position, yaw = columns["actor_position"].values[rows, :2], columns["actor_yaw"].values[rows]
-    offset = turned(position - position[0], angle - yaw[0])
+    offset = turned(turned(position - position[0], -yaw[0]) - [0.0, right], angle)
+    offset[0] = 0.0
     order = np.argsort(np.hypot(*offset.T), kind="stable")[:most]  # the ego, at no distance, is first
     heading = wrap_angle(yaw - yaw[0] + angle)
     heading[0] = 0.0
@@ -68,7 +69,9 @@ def actors_of(table: Table, frame: int, angle: float = 0.0, most: int = MOST_ACT
     return found
 
 
-def turned_map(layers: NDArray[np.uint8], bev: BevConfig, grid: GridConfig, angle: float) -> NDArray[np.uint8]:
+def turned_map(
+    layers: NDArray[np.uint8], bev: BevConfig, grid: GridConfig, angle: float, right: float = 0.0
+) -> NDArray[np.uint8]:
     """(4, rows, cols) 0 or 1: road, solid and broken marks on a grid of the turned world, and where they are known.
 
     Args:
@@ -76,6 +79,7 @@ def turned_map(layers: NDArray[np.uint8], bev: BevConfig, grid: GridConfig, angl
         bev: How they were drawn.
         grid: A cell is set if any of the recorded pixels in it is.
         angle: Of the turn.
+        right: Of the ego's own place [m].
     """
     parts = max(1, round(grid.cell * bev.pixels_per_metre))  # samples along a cell's side
     step = grid.cell / parts
@@ -83,7 +87,7 @@ def turned_map(layers: NDArray[np.uint8], bev: BevConfig, grid: GridConfig, angl
     # From the middle of sample (u, v) to planner metres, back by the turn, to the recorded pixel's number.
     c, s, scale = np.cos(angle), np.sin(angle), bev.pixels_per_metre
     x0, y0 = step / 2.0 - grid.aside, step / 2.0 - grid.ahead
-    back = np.array([[c * step, s * step, c * x0 + s * y0], [-s * step, c * step, c * y0 - s * x0]]) * scale
+    back = np.array([[c * step, s * step, c * x0 + s * y0 + right], [-s * step, c * step, c * y0 - s * x0]]) * scale
     back[:, 2] += np.array([ego_column(bev), ego_row(bev)]) - 0.5
     flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     samples = cv2.warpAffine(stacked, back, (grid.cols * parts, grid.rows * parts), flags=flags, borderValue=0)

@@ -17,22 +17,21 @@ from agents.lav.data.painted import painted_scores
 from agents.lav.data.points import turned
 from agents.lav.data.show import SHOWN, sheet
 from agents.lav.labels import MotionSamples, read_motions
-from agents.lav.models.motion import path_loss
+from agents.lav.models.motion import chosen, path_loss
 from agents.lav.models.student import Driven, Student
 from agents.lav.models.teacher import MotionNetwork, Motions, make_teacher
 from agents.lav.motion_measures import measures_with
 from agents.lav.plan_pictures import plan_picture
 from agents.lav.stages.base import STAGES, Stage, StageInput, StepContext, TrainConfig
-from agents.lav.stages.bev import COMMAND_WEIGHT, OTHERS_WEIGHT, TURN_WEIGHT, teacher_loss
+from agents.lav.stages.bev import COMMAND_WEIGHT, DRIVEN_SHARE, OTHERS_WEIGHT, TURN_WEIGHT, teacher_loss
 from agents.lav.stages.perception import Scene, SceneReader, perception_loss
 from agents.lav.stages.perception import measures_of as perception_measures
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.windows import Windows
 from lavsim.random import Draws
 
-ASKEW = np.radians(
-    20.0
-)  # the ego's window stands askew in what the student sees by up to this; small angles are commoner
+# The ego's window stands askew in what the student sees by up to this; small angles are commoner.
+ASKEW = np.radians(20.0)
 _CHUNK = 32  # of the measures
 _STRIDE = 2  # of frames on which perception is measured again
 
@@ -43,7 +42,7 @@ class Lesson(NamedTuple):
     Attributes:
         scene: Frames of a turned world.
         motions: In the world as it is.
-        poses: (B, R, 3) of the windows in the turned world.
+        poses: (B, R, 3) of the windows in the moved and turned world.
     """
 
     scene: Scene
@@ -128,8 +127,8 @@ class _Lessons:
         self.samples: MotionSamples = read_motions(data, given.config)
 
     def drawn(self, samples: NDArray[np.int64], draws: Draws) -> Lesson:
-        """Samples under one draw: windows jittered, and the student's world turned so that the ego stands about
-        straight in it, as it does when it drives."""
+        """Samples under one draw: windows jittered, and the student's world moved and turned so that the ego's window
+        lies where it does when it drives, and about straight."""
         motions = draw_batch(self.samples, samples, draws)
         unit = draws.stream("askew").uniform(0, 2 * len(samples), -1.0, 1.0).reshape(2, -1)
         angles = ASKEW * unit[0] * np.abs(unit[1]) - motions.poses[:, 0, 2].numpy()
@@ -166,10 +165,11 @@ class _Lessons:
         self, samples: NDArray[np.int64], motions: Batch, angles: NDArray[np.float64], draws: Draws | None
     ) -> Lesson:
         places = [self._windows[int(number)] for number in samples]
-        scene = self._reader.scene(places, angles, draws)
+        rights = motions.poses[:, 0, 0].numpy().astype(np.float64)
+        scene = self._reader.scene(places, angles, draws, rights)
         poses = motions.poses.numpy().copy()
-        for pose, angle in zip(poses, angles.tolist(), strict=True):
-            pose[:, :2] = turned(pose[:, :2], angle)
+        for pose, angle, right in zip(poses, angles.tolist(), rights.tolist(), strict=True):
+            pose[:, :2] = turned(pose[:, :2] - [right, 0.0], angle)
             pose[:, 2] += angle
         return Lesson(scene, motions, torch.from_numpy(poses))
 
@@ -179,6 +179,9 @@ def distillation_loss(
 ) -> tuple[Tensor, dict[str, float]]:
     """How far the student's motions are from the teacher's: all branches, all refinements, of everybody.
 
+    The commanded branch counts as much as all; all are refined towards the teacher's last plan of the command, as in
+    the paper's leaderboard entry.
+
     Args:
         motions: The student's.
         taught: The teacher's.
@@ -186,14 +189,16 @@ def distillation_loss(
         with_others: Whether others are learnt from.
     """
     weight = torch.tensor(TURN_WEIGHT, device=batch.commands.device)[batch.commands]
-    coarse = path_loss(motions.coarse[:, 0], taught.coarse[:, 0]).mean(dim=1)
-    wanted = taught.refined[:, -1:] if taught.refined.shape[1] else taught.coarse[:, 0][:, None]
-    refined = path_loss(motions.refined, wanted).flatten(1).mean(dim=1) if motions.refined.shape[1] else coarse * 0.0
-    ego = ((coarse + refined) * weight).sum() / weight.sum()
+    ego = _driven_first(motions.coarse[:, 0], taught.coarse[:, 0], batch.commands)
+    if motions.refined.shape[1]:
+        wanted = taught.refined[:, -1] if taught.refined.shape[1] else taught.coarse[:, 0]
+        wanted = chosen(wanted, batch.commands)[:, None, None].expand_as(motions.refined)
+        ego = ego + _driven_first(motions.refined, wanted, batch.commands)
+    ego = (ego * weight).sum() / weight.sum()
     likely = functional.binary_cross_entropy_with_logits(
         motions.commands, torch.sigmoid(taught.commands), reduction="none"
     ).mean(dim=-1)
-    real = batch.is_real.to(coarse.dtype)
+    real = batch.is_real.to(ego.dtype)
     theirs = real.clone()
     theirs[:, 0] = 0.0
     each = path_loss(motions.coarse, taught.coarse).mean(dim=-1)
@@ -202,6 +207,13 @@ def distillation_loss(
     command = (likely * counted).sum() / counted.sum()
     total = ego + OTHERS_WEIGHT * others * with_others + COMMAND_WEIGHT * command
     return total, {"ego": ego.item(), "others": others.item(), "command": command.item()}
+
+
+def _driven_first(paths: Tensor, taught: Tensor, commands: Tensor) -> Tensor:
+    """(B,) errors of paths (B, ..., 6, T, 2) over all branches, and as much again of the commanded one."""
+    every = path_loss(paths, taught).flatten(1).mean(dim=1)
+    driven = path_loss(chosen(paths, commands), chosen(taught, commands)).reshape(len(paths), -1).mean(dim=1)
+    return (1.0 - DRIVEN_SHARE) * every + DRIVEN_SHARE * driven
 
 
 def _driven(network: Any, lesson: Lesson, device: torch.device) -> Driven:

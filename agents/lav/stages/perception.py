@@ -133,17 +133,24 @@ class SceneReader:
         self._scores, self._bev = scores, bev_config(data)
 
     def scene(
-        self, places: Sequence[tuple[int, int]], angles: NDArray[np.float64] | None = None, draws: Draws | None = None
+        self,
+        places: Sequence[tuple[int, int]],
+        angles: NDArray[np.float64] | None = None,
+        draws: Draws | None = None,
+        rights: NDArray[np.float64] | None = None,
     ) -> Scene:
-        """Frames at (episode, frame), each turned by its angle; without draws nothing is left to chance."""
+        """Frames at (episode, frame), each seen from so far right of the ego [m] and then turned by its angle; without
+        draws nothing is left to chance."""
         turns = np.zeros(len(places)) if angles is None else angles
+        aside = np.zeros(len(places)) if rights is None else rights
+        moves = zip(places, turns.tolist(), aside.tolist(), strict=True)
         points, maps, actors = [], [], []
-        for number, ((episode, frame), angle) in enumerate(zip(places, turns.tolist(), strict=True)):
+        for number, ((episode, frame), angle, right) in enumerate(moves):
             own = draws.stream("sample", number) if draws is not None else None
-            points.append(scan_points(self.data, episode, frame, self.config, self._scores, angle, own))
+            points.append(scan_points(self.data, episode, frame, self.config, self._scores, angle, own, right))
             layers = self.data.read(episode, frame, ["bev"])["bev"]
-            maps.append(turned_map(layers, self._bev, self.config.grid, angle))
-            actors.append(actors_of(self.data.table(episode), frame, angle))
+            maps.append(turned_map(layers, self._bev, self.config.grid, angle, right))
+            actors.append(actors_of(self.data.table(episode), frame, angle, right))
         frame_of = np.repeat(np.arange(len(places)), [len(part) for part in points])
         boxes, kinds, hits = (torch.from_numpy(np.stack(part)) for part in zip(*actors, strict=True))
         scan, seen = torch.from_numpy(np.concatenate(points)), torch.from_numpy(np.stack(maps))
