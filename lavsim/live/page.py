@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from lavsim.viewer.page import SHARED_SCRIPTS, asset, document
+from lavsim.viewer.page import SHARED_SCRIPTS, asset, body_of, document
 
 OWN_SCRIPTS = ("link", "world", "keys", "play")  # in this order
 
@@ -15,7 +15,7 @@ def live_page() -> tuple[str, str]:
     return document(
         title="lavsim view",
         style=asset("replay.css") + asset("live/live.css"),
-        body=asset("live/page.html"),
+        body=body_of("live/page", on_map=asset("live/pad.html")),
         scripts=(*(f"js/{name}" for name in SHARED_SCRIPTS), *(f"live/{name}" for name in OWN_SCRIPTS)),
         head='<link rel="icon" href="data:,">\n',
         connect="'self'",

@@ -23,11 +23,19 @@ def page_of(title: str, data: str) -> str:
         title: Of the window; escaped here.
         data: What `Pack.encode` made; base64, so nothing in it can be taken for markup.
     """
-    body = (
-        f'<div id="loading">Opening the drive …</div>\n{asset("page.html")}'
-        f'<script type="application/octet-stream" id="data">{data}</script>\n'
-    )
+    body = f'{body_of("page")}<script type="application/octet-stream" id="data">{data}</script>\n'
     return document(title, asset("replay.css"), body, tuple(f"js/{name}" for name in SCRIPTS))[0]
+
+
+def body_of(name: str, on_map: str = "") -> str:
+    """Markup that the pages share, with what each has of its own.
+
+    Args:
+        name: Of the asset with time and details.
+        on_map: Markup of what lies on the map besides.
+    """
+    stage = asset("stage.html").replace("<!-- on the map -->", on_map)
+    return stage.replace("<!-- time and details -->", asset(f"{name}.html"))
 
 
 def document(

@@ -85,7 +85,7 @@ class Page:
     def ask(self, name: str, **values: Any) -> None:
         self.link.send(json.dumps({"do": name, **values}))
 
-    def flood(self, message: str, count: int) -> None:
+    def flood(self, message: str | list[str], count: int) -> None:
         """Sends a message many times and listens until the server ends it."""
         for _ in range(count):
             self.link.send(message)
@@ -185,10 +185,10 @@ def test_nonsense_is_answered_once_and_the_page_stays(message: str | bytes, serv
 
 def test_large_messages_and_floods_of_nonsense_end_their_own_page_only(server: LiveServer) -> None:
     with Page(server) as other:
-        for message, count, code in (("x" * 4097, 1, 1009), ("{", 60, 1008)):
+        for message, count, code in (("x" * 4097, 1, 1009), (["x" * 2000] * 3, 1, 1009), ("{", 60, 1008)):
             page = Page(server)
             with pytest.raises(ConnectionClosed) as closed:
-                page.flood(message, count)
+                page.flood(message, count)  # a list goes out in as many fragments
             assert closed.value.rcvd is not None
             assert closed.value.rcvd.code == code
         other.ask("look", tick=10**8)
