@@ -5,8 +5,9 @@ The order within a tick is the original's (reference `lav.md` 6.2); what differs
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -40,6 +41,7 @@ from lavsim.guidance import Guide
 from lavsim.types import Control
 
 Floats = NDArray[np.float64]
+Readings = Mapping[str, Any]
 
 _HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
 _SHOWN_SCORE, _SHOWN_LEVELS = 0.3, 8  # of a painted point; of the map, whose few levels pack well
@@ -69,6 +71,22 @@ def read_settings(path: str | None) -> LavSettings:
     return LavSettings(weights=path or "")
 
 
+class Found(NamedTuple):
+    """Who is there, in the planner frame.
+
+    Attributes:
+        vehicles: (N, 5) boxes of the nearest ahead: x, y, heading, half length, half width [m, rad].
+        speeds: (N,) [m/s], not a number where they are not known.
+        walkers: (M, 2) [m].
+        walking: (M, 2) their velocities [m/s].
+    """
+
+    vehicles: Floats
+    speeds: Floats
+    walkers: Floats
+    walking: Floats
+
+
 class LavAgent(Agent):
     """The student behind the wheel.
 
@@ -77,9 +95,12 @@ class LavAgent(Agent):
     """
 
     def setup(self, path_to_conf_file: str | None) -> None:
+        self.begin(read_settings(path_to_conf_file))
+
+    def begin(self, given: LavSettings) -> None:
+        """Reads the weights and begins to drive."""
         self.track = Track.SENSORS
         torch.set_num_threads(1)
-        given = read_settings(path_to_conf_file)
         self._eyes = Perceiver(read_trained(given.weights or None), given.drive)
         self.config = self._eyes.config
         self._driver, self._hold = Driver(self.config.drive, _HALF_SIZE), BrakeHold(self.config.drive)
@@ -100,19 +121,17 @@ class LavAgent(Agent):
         images = [_rgb(readings[name]) for name in CAMERAS]
         scan = self._eyes.paint(self._scans.merged(readings[LIDAR]), images)
         sight = self._eyes.see(self._scans.stacked(scan, pose))
-        if self._tick % self.config.drive.brake_every == 0:
-            self._brake = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
+        found = self.found(sight, pose, readings)
+        is_held = self.is_held(images, readings, speed)
+        outlook = self.outlook(sight, found, goals, speed, command, readings)
         self._tick += 1
-        outlook, vehicles = self._motions(sight, pose, goals, speed, command)
-        walkers = self._on_foot(sight.walkers, pose, len(outlook.plan))
-        is_held = self._hold.step(self._brake, speed)
-        control = self._driver.step(outlook.plan, [vehicles, walkers], speed, command, is_held)
+        control = self._driver.step(outlook.plan, self._forecasts(outlook, found), speed, command, is_held)
         self._steer = control.steer
         self._shown = sight, outlook
         return control
 
     def drawings(self) -> dict[str, Drawing]:
-        """Plan, forecasts, who was found, the map, points painted as somebody, and how sure it is to brake."""
+        """Plan, forecasts, who was found, who is in the way, the map, painted points, and how sure it is to brake."""
         if self._shown is None:
             return {}
         sight, outlook = self._shown
@@ -123,7 +142,35 @@ class LavAgent(Agent):
             "road": self._drawn_map(sight),
             **(_drawn_paint(sight.points) if self.config.painted else {}),
             "brake": scalar(self._brake),
+            **self._driver.drawings(),
         }
+
+    def found(self, sight: Sight, pose: Pose, readings: Readings) -> Found:
+        """Who is taken to be there: what is seen, with speeds from where it was seen before."""
+        boxes = sight.vehicles.boxes.numpy().astype(np.float64)
+        speeds = np.hypot(*self._vehicles.update(world_from_planner(boxes[:, :2], *pose)).T)
+        places = sight.walkers.boxes.numpy().astype(np.float64)[:, :2]
+        velocities = np.nan_to_num(self._walkers.update(world_from_planner(places, *pose)))
+        ahead = np.flatnonzero(boxes[:, 1] < 0.0)
+        nearest = ahead[np.argsort(np.hypot(*boxes[ahead, :2].T), kind="stable")][: self.config.drive.forecasts]
+        walking = planner_from_world(velocities, np.zeros(2), pose.yaw)
+        return Found(boxes[nearest], speeds[nearest], places, walking)
+
+    def is_held(self, images: Sequence[NDArray[np.uint8]], readings: Readings, speed: float) -> bool:
+        """Whether to stop for what no plan tells, as lights."""
+        if self._tick % self.config.drive.brake_every == 0:
+            self._brake = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
+        return self._hold.step(self._brake, speed)
+
+    def outlook(
+        self, sight: Sight, found: Found, goals: Floats, speed: float, command: int, readings: Readings
+    ) -> Outlook:
+        """The ego's plan, and forecasts of the vehicles found."""
+        poses = torch.from_numpy(np.concatenate([np.zeros((1, 3)), found.vehicles[:, :3]]).astype(np.float32))[None]
+        known = torch.from_numpy(np.concatenate([[speed], found.speeds]).astype(np.float32))[None]
+        targets = torch.from_numpy(goals.astype(np.float32))[None]
+        motions = self._eyes.foresee(sight.features, poses, targets, known)
+        return outlook_of(motions, poses, command, self.config.drive)
 
     def _goals(self, readings: dict[str, Any], pose: Pose) -> tuple[Floats, int]:
         """(2, 2) goal points in the planner frame [m], and the command."""
@@ -133,29 +180,15 @@ class LavAgent(Agent):
         guidance = self._guide.now(pose.yaw + np.pi / 2.0)
         return goals_of(guidance), command_of(int(guidance.command))
 
-    def _motions(
-        self, sight: Sight, pose: Pose, goals: Floats, speed: float, command: int
-    ) -> tuple[Outlook, Forecasts]:
-        """The ego's plan, and forecasts of the nearest vehicles."""
-        found = sight.vehicles.boxes.numpy().astype(np.float64)
-        velocities = self._vehicles.update(world_from_planner(found[:, :2], *pose))
-        ahead = np.flatnonzero(found[:, 1] < 0.0)
-        nearest = ahead[np.argsort(np.hypot(*found[ahead, :2].T), kind="stable")][: self.config.drive.forecasts]
-        others, speeds = found[nearest], np.hypot(*velocities[nearest].T)
-        poses = torch.from_numpy(np.concatenate([np.zeros((1, 3)), others[:, :3]]).astype(np.float32))[None]
-        known = torch.from_numpy(np.concatenate([[speed], speeds]).astype(np.float32))[None]
-        targets = torch.from_numpy(goals.astype(np.float32))[None]
-        motions = self._eyes.foresee(sight.features, poses, targets, known)
-        outlook = outlook_of(motions, poses, command, self.config.drive)
-        stands = speeds < self.config.drive.standing  # not so where they are not known
-        sizes = np.maximum(others[:, 3:] - self.config.drive.slack * stands[:, None], 0.0)
-        return outlook, vehicle_forecasts(outlook, others[:, :3], sizes, stands)
-
-    def _on_foot(self, found: Detections, pose: Pose, steps: int) -> Forecasts:
-        """Walkers go on as they go, as far as that is known."""
-        places = found.boxes.numpy().astype(np.float64)
-        velocities = np.nan_to_num(self._walkers.update(world_from_planner(places[:, :2], *pose)))
-        return straight_forecasts(places[:, :2], planner_from_world(velocities, np.zeros(2), pose.yaw), steps)
+    def _forecasts(self, outlook: Outlook, found: Found) -> dict[str, Forecasts]:
+        """Who may come into the way, by kind."""
+        drive, boxes = self.config.drive, found.vehicles
+        stands = found.speeds < drive.standing  # not so where they are not known
+        sizes = np.maximum(boxes[:, 3:] - drive.slack * stands[:, None], 0.0)
+        return {
+            "vehicle": vehicle_forecasts(outlook, boxes[:, :3], sizes, stands),
+            "walker": straight_forecasts(found.walkers, found.walking, len(outlook.plan)),
+        }
 
     def _drawn_map(self, sight: Sight) -> Drawing:
         grid = self.config.grid

@@ -144,8 +144,8 @@ def creep_path(steps: int) -> Floats:
     return np.stack([np.zeros(steps), -_CREPT * np.arange(1, steps + 1) / steps], axis=1)
 
 
-def collides(plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, config: DriveConfig) -> bool:
-    """Whether the ego, on its plan, touches somebody on a likely forecast at the same time.
+def touched(plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, config: DriveConfig) -> NDArray[np.bool_]:
+    """(N,) whom the ego, on its plan, touches on a likely forecast at the same time.
 
     Boxes are compared, not centres as in the original: two metres between centres stop the ego beside every parked car,
     and miss the end of a bus.
@@ -158,12 +158,12 @@ def collides(plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, co
         config: Margins.
     """
     if not len(others):
-        return False
+        return np.zeros(0, np.bool_)
     own = _poses(plan, boxes[0, 0])
     poses = _poses(others, boxes[1:, None, 0])
     half = np.broadcast_to(boxes[1:, None, None, 1:], (*poses.shape[:3], 2))
     touch = _overlap(own, boxes[0, 1:] + config.collision_margin, poses, half).any(axis=-1)
-    return bool(np.any(touch & (likelihood >= config.likely) & (others[:, :, 0, 1] <= _BEHIND)))
+    return np.asarray((touch & (likelihood >= config.likely) & (others[:, :, 0, 1] <= _BEHIND)).any(axis=1))
 
 
 def _poses(paths: Floats, heading: Floats | float) -> Floats:

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from agents.lav.config import COMMANDS, TIME_STEP, DriveConfig
-from agents.lav.controller import STOP, Controller, StuckCounter, collides, creep_path, planned_speed
+from agents.lav.controller import STOP, Controller, StuckCounter, creep_path, planned_speed, touched
 from agents.lav.frames import planner_from_vehicle, vehicle_from_planner
 from agents.lav.models.crop import to_planner
 from agents.lav.models.teacher import Motions
-from lavsim.drawings import Drawing, polylines, scalar
+from lavsim.drawings import Drawing, boxes, polylines, scalar
 from lavsim.guidance import Guidance, Guide
 from lavsim.types import Control
 
@@ -122,26 +122,49 @@ class Driver:
         self._box = np.array([0.0, *half_size])
         self._controller = Controller(config)
         self._stuck = StuckCounter(config)
+        self._others: Mapping[str, Forecasts] = {}
+        self._in_way: dict[str, NDArray[np.int64]] = {}
+        self._is_held = False
 
     def step(
-        self, plan: Floats, others: Sequence[Forecasts], speed: float, command: int, is_held: bool = False
+        self, plan: Floats, others: Mapping[str, Forecasts], speed: float, command: int, is_held: bool = False
     ) -> Control:
-        """The control; full brakes where the plan meets a likely forecast, or a network that may err holds it."""
+        """The control; full brakes where the plan meets a likely forecast, or a network that may err holds it.
+
+        Args:
+            plan: (T, 2) in the planner frame [m].
+            others: Forecasts by kind of actor.
+            speed: Of the ego [m/s].
+            command: 0 to 5.
+            is_held: Whether the network that may err does.
+        """
         control = self._controller.follow(plan, speed, command)
-        if is_held or self._hits(plan, others):
+        self._in_way = {kind: np.flatnonzero(self._hit(plan, each)) for kind, each in others.items()}
+        self._others, self._is_held = others, is_held
+        if is_held or any(len(rows) for rows in self._in_way.values()):
             control = Control(steer=control.steer, brake=STOP.brake)
-        is_free = not self._hits(creep_path(len(plan)), others)
+        is_free = not any(self._hit(creep_path(len(plan)), each).any() for each in others.values())
         return self._stuck.step(control, speed, is_free, is_held)
 
     def halt(self, plan: Floats, speed: float, command: int) -> Control:
         """Full brakes for what is known for sure: who waits for a light is not stuck."""
         return Control(steer=self._controller.follow(plan, speed, command).steer, brake=STOP.brake)
 
-    def _hits(self, plan: Floats, others: Sequence[Forecasts]) -> bool:
-        return any(
-            collides(plan, each.paths, each.likelihood, np.concatenate([self._box[None], each.boxes]), self._config)
-            for each in others
-        )
+    def drawings(self) -> dict[str, Drawing]:
+        """Whom it braked for last, and whether it was held."""
+        poses, labels = [np.zeros((0, 5))], []
+        for kind, rows in self._in_way.items():
+            places, box = self._others[kind].paths[rows, 0, 0], self._others[kind].boxes[rows]
+            poses.append(np.column_stack([vehicle_from_planner(places), box[:, 0], 2.0 * box[:, 1:]]))
+            labels += [kind] * len(rows)
+        return {
+            "in the way": boxes(np.concatenate(poses), labels=labels, frame="ego"),
+            "held": scalar(float(self._is_held)),
+        }
+
+    def _hit(self, plan: Floats, others: Forecasts) -> NDArray[np.bool_]:
+        boxes = np.concatenate([self._box[None], others.boxes])
+        return touched(plan, others.paths, others.likelihood, boxes, self._config)
 
 
 def drawings_of(outlook: Outlook, config: DriveConfig) -> dict[str, Drawing]:

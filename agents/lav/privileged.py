@@ -92,7 +92,7 @@ class PrivilegedLavAgent(PrivilegedAgent):
         sizes, stands = truth["sizes"][rows[1:], :2] / 2.0, speeds[1:] < _STANDS
         vehicles = vehicle_forecasts(outlook, poses[1:].astype(np.float64), sizes, stands)
         walkers = told_walkers(truth, len(outlook.plan))
-        return self._driver.step(outlook.plan, [vehicles, walkers], speed, command)
+        return self._driver.step(outlook.plan, {"vehicle": vehicles, "walker": walkers}, speed, command)
 
     def drawings(self) -> dict[str, Drawing]:
         """Its plan and the likely forecasts."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.lav.config import DriveConfig, PidConfig
-from agents.lav.controller import Controller, Pid, StuckCounter, aim_angle, collides, creep_path, planned_speed
+from agents.lav.controller import Controller, Pid, StuckCounter, aim_angle, creep_path, planned_speed, touched
 from lavsim.types import Control
 
 CONFIG = DriveConfig()
@@ -100,7 +100,7 @@ def hits(plan: np.ndarray, path: np.ndarray, heading: float = 0.0, likelihood: f
     forecasts[0, 2] = path
     likely = np.zeros((1, 6))
     likely[0, 2] = likelihood
-    return collides(plan, forecasts, likely, np.array([(0.0, *CAR), (heading, *half)]), CONFIG)
+    return bool(touched(plan, forecasts, likely, np.array([(0.0, *CAR), (heading, *half)]), CONFIG)[0])
 
 
 def test_forecasts_in_the_way_count_when_they_are_likely_touching_and_not_behind() -> None:
@@ -111,7 +111,7 @@ def test_forecasts_in_the_way_count_when_they_are_likely_touching_and_not_behind
     assert not hits(plan, crossing - np.array([0.0, 14.0]), math.pi / 2.0), "it passes ahead"
     behind = straight(9.0) + np.array([0.0, 6.0])
     assert not hits(plan, behind), "who comes from behind is no reason to stop"
-    assert not collides(plan, np.zeros((0, 6, 10, 2)), np.zeros((0, 6)), np.array([(0.0, *CAR)]), CONFIG)
+    assert not len(touched(plan, np.zeros((0, 6, 10, 2)), np.zeros((0, 6)), np.array([(0.0, *CAR)]), CONFIG))
 
 
 def test_a_parked_car_beside_the_way_is_no_obstacle_and_one_on_it_is() -> None:
