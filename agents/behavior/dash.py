@@ -74,9 +74,9 @@ class Dash:
         ahead = allowed[round(met.base / STEP) :]
         start = ego.s - met.base
         meets = (met.enters, met.leaves, forecast.kind, yields)
-        self.is_on, limit = _leads_through(*meets, start, ego.speed, ahead, spare, room, PULL)
+        self.is_on, limit, until = _leads_through(*meets, start, ego.speed, ahead, spare, room, PULL, 0.0)
         if self.is_on and limit < PULL:  # somebody has to pass first
-            self.is_on, _ = _leads_through(*meets, start, ego.speed, ahead, spare, room, limit)
+            self.is_on, _, _ = _leads_through(*meets, start, ego.speed, ahead, spare, room, limit, until)
         self.pull = limit
         return self.is_on
 
@@ -93,13 +93,15 @@ def _leads_through(
     spare: float,
     room: float,
     pull: float,
-) -> tuple[bool, float]:
-    """Drives on with `pull` for the horizon; who is ahead when their ways meet passes first, others must stay behind.
+    until: float,
+) -> tuple[bool, float, float]:
+    """Drives on with `pull` for `until` seconds and with `PULL` then; who is ahead when their ways meet passes first.
 
     Returns:
-        Whether that goes, and the largest acceleration up to `PULL` that comes near nobody ahead [m/s²].
+        Whether that leads on before all others, the largest acceleration up to `PULL` that comes near nobody ahead
+        [m/s²], and how long it is needed [s].
     """
-    begun, limit = speed, PULL
+    begun, limit, lasts = speed, PULL, 0.0
     count, last = len(enters), len(allowed) - 1
     is_ahead, is_behind = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     place = start
@@ -111,25 +113,26 @@ def _leads_through(
             low, high = STEP * enters[h, k], STEP * leaves[h, k]
             if is_ahead[h]:
                 if place > low - 0.3:
-                    return False, limit
+                    return False, limit, lasts
             elif place - margin > high:
                 is_behind[h] = True
             elif is_behind[h]:
                 if not yields[h]:
-                    return False, limit
+                    return False, limit, lasts
             elif place + margin < low:
                 is_ahead[h] = True
             else:
-                return False, limit
+                return False, limit, lasts
         if k + 1 == COUNT:
             break
         cap = math.inf
         for h in range(count):
             if is_ahead[h] and enters[h, k + 1] >= 0.0:
                 cap = min(cap, STEP * enters[h, k + 1] - max(room, BEHIND))
+        gain = (pull if k * DT < until else PULL) * DT / 3.0
         for _ in range(3):
             top = allowed[min(int(place / STEP), last)]
-            speed = max(min(speed + pull * DT / 3.0, max(top, speed - PULL * DT / 3.0)), 0.0)
+            speed = max(min(speed + gain, max(top, speed - PULL * DT / 3.0)), 0.0)
             place += speed * DT / 3.0
         if place > cap:
             speed = max(speed - (place - cap) / DT, 0.0)
@@ -138,5 +141,6 @@ def _leads_through(
             needed = 2.0 * (way - begun * time) / (time * time)
             if begun + needed * time < 0.0:
                 needed = -begun * begun / (2.0 * max(way, 0.1))
-            limit = min(limit, needed)
-    return True, limit
+            if needed < limit:
+                limit, lasts = needed, time
+    return True, limit, lasts
