@@ -81,6 +81,17 @@ class ResNetConfig(Config):
         return 8 * self.width
 
 
+class BrakeConfig(ResNetConfig):
+    """The network that brakes."""
+
+    causes: bool = Field(
+        default=False, description="Whether it tells lights, stop signs and others apart, not only whether to stop."
+    )
+    sharp: tuple[int, int] | None = Field(
+        default=None, description="Rows and columns of the telephoto's middle, unshrunk, in place of all of it [px]."
+    )
+
+
 class PillarConfig(Config):
     """Points to pillars."""
 
@@ -115,6 +126,7 @@ class MotionConfig(Config):
     )
     speeds: bool = Field(default=False, description="Whether a vehicle's own speed is an input beside its window.")
     goals: int = Field(default=1, ge=1, le=2, description="Goal points that refine a plan: the next, or the next two.")
+    goals_embedded: bool = Field(default=False, description="Whether the ego's are an input beside its window too.")
 
 
 class TemporalConfig(Config):
@@ -176,6 +188,9 @@ class TrainingConfig(Config):
         default="staged", description="Perception's losses: never, together with motion, or before it and together."
     )
     painting: Literal["network", "truth"] = Field(default="network", description="What paints the points.")
+    approaches: int = Field(
+        default=0, ge=0, description="Frames before lights of any state and stop signs, rendered for the brake network."
+    )
     balanced: bool = Field(default=False, description="Whether walkers and marks, which are few, weigh more.")
 
 
@@ -187,7 +202,7 @@ class LavConfig(Config):
     crop: CropConfig = CropConfig()
     cameras: CameraConfig = CameraConfig()
     segmentation: SegmentationConfig = SegmentationConfig()
-    brake: ResNetConfig = ResNetConfig()
+    brake: BrakeConfig = BrakeConfig()
     pillars: PillarConfig = PillarConfig()
     painted: bool = Field(default=True, description="Whether points carry what the cameras saw there.")
     backbone: BackboneConfig = BackboneConfig()
@@ -204,6 +219,8 @@ class LavConfig(Config):
 
 
 _SMALL_CAMERAS = CameraConfig(height=144, width=128, telephoto_height=96, telephoto_width=240)
+_SHARP = (176, 352)  # lamps far away are two pixels wide; what is nearer shows in the wide images
+_APPROACHES = 10_000
 _TINY_RESNET = ResNetConfig(depth=10, width=16)
 # The paper's radius of 15 m is the motions'; cars are told from farther, so that forecasts of them have a beginning.
 _FAR_SIGHTED = BackboneConfig(neck=32, shared_head=True, detection_radius=35.0, walker_radius=25.0, least_hits=3)
@@ -216,10 +233,10 @@ PRESETS: Mapping[str, LavConfig] = {
         crop=CropConfig(side=48.0, behind=6.0, cell=1.0, teacher_cell=0.5),
         cameras=_SMALL_CAMERAS,
         segmentation=SegmentationConfig(network="erfnet", widths=(8, 32, 64), blocks=(3, 1)),
-        brake=ResNetConfig(depth=10, width=32),
+        brake=BrakeConfig(depth=10, width=32, causes=True, sharp=_SHARP),
         pillars=PillarConfig(points=20_000),
         backbone=_FAR_SIGHTED,
-        training=TrainingConfig(balanced=True),
+        training=TrainingConfig(approaches=_APPROACHES, balanced=True),
         motion=MotionConfig(embedding=ResNetConfig(depth=10, width=32), refine_hidden=256),
     ),
     "tiny": LavConfig(
@@ -228,11 +245,11 @@ PRESETS: Mapping[str, LavConfig] = {
         crop=CropConfig(side=40.0, behind=5.0, cell=1.0, teacher_cell=0.5),
         cameras=_SMALL_CAMERAS,
         segmentation=SegmentationConfig(network="light", widths=(16, 32, 64, 96), blocks=(0, 0)),
-        brake=_TINY_RESNET,
+        brake=BrakeConfig(depth=10, width=16, causes=True, sharp=_SHARP),
         pillars=PillarConfig(points=12_000),
         backbone=_FAR_SIGHTED,
-        training=TrainingConfig(balanced=True),
-        motion=MotionConfig(embedding=_TINY_RESNET, refine_hidden=None, pooling="grid", speeds=True, goals=2),
+        training=TrainingConfig(approaches=_APPROACHES, balanced=True),
+        motion=MotionConfig(embedding=_TINY_RESNET, pooling="grid", speeds=True, goals=2, goals_embedded=True),
     ),
     "micro": LavConfig(
         name="micro",
@@ -240,7 +257,7 @@ PRESETS: Mapping[str, LavConfig] = {
         crop=CropConfig(side=24.0, behind=4.0, cell=2.0, teacher_cell=1.0),
         cameras=CameraConfig(height=48, width=48, telephoto_height=32, telephoto_width=80),
         segmentation=SegmentationConfig(network="light", widths=(4, 8, 8, 8), blocks=(0, 0)),
-        brake=ResNetConfig(depth=10, width=4),
+        brake=BrakeConfig(depth=10, width=4),
         pillars=PillarConfig(points=1_000, widths=(8, 8)),
         backbone=BackboneConfig(width=8, head_width=8, neck=8, shared_head=True),
         motion=MotionConfig(embedding=ResNetConfig(depth=10, width=4), coarse_hidden=8, waypoints=4, refinements=2),

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from agents.lav.config import LavConfig
-from agents.lav.models.brake import BrakeNetwork
+from agents.lav.models.brake import BrakeNetwork, telephoto_size
 from agents.lav.models.segmentation import make_segmentation
 from agents.lav.models.student import Perception, Student
 from agents.lav.weights import Weights, digest_of_file, read_weights
@@ -102,7 +102,7 @@ def _brake(config: LavConfig, tensors: Mapping[str, Tensor]) -> Exportable:
     network, cameras = BrakeNetwork(config), config.cameras
     network.load_state_dict(tensors)
     wide = torch.zeros(1, 3, cameras.height, 3 * cameras.width)
-    return Exportable(network, (wide, torch.zeros(1, 3, cameras.telephoto_height, cameras.telephoto_width)))
+    return Exportable(network, (wide, torch.zeros(1, 3, *telephoto_size(config))))
 
 
 def _perception(config: LavConfig, tensors: Mapping[str, Tensor]) -> Exportable:

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.lav.config import CameraConfig
+from agents.lav.config import CameraConfig, LavConfig
 from agents.lav.data.arrays import FRONT, TELEPHOTO_KEPT
 from lavsim.dataset.reader import Dataset
 from lavsim.errors import ConfigError
@@ -73,14 +73,14 @@ def panorama_tags(frame: dict[str, Bytes], cameras: CameraConfig) -> Bytes:
     return np.concatenate([shrunk_tags(frame[name], cameras.width, cameras.height) for name in FRONT_TAGS], axis=1)
 
 
-def telephoto(frame: dict[str, Bytes], cameras: CameraConfig) -> Bytes:
-    """(h, w, 3) the telephoto's image without its lowest third."""
-    return shrunk(frame[TELEPHOTO][:TELEPHOTO_KEPT], cameras.telephoto_width, cameras.telephoto_height)
-
-
-def telephoto_tags(frame: dict[str, Bytes], cameras: CameraConfig) -> Bytes:
-    """(h, w) its tags."""
-    return shrunk_tags(frame[TELEPHOTO_TAGS][:TELEPHOTO_KEPT], cameras.telephoto_width, cameras.telephoto_height)
+def far_view(image: Bytes, config: LavConfig) -> Bytes:
+    """(h, w, 3), or (h, w) of tags: a telephoto's image as the brake network takes it."""
+    if config.brake.sharp is None:
+        shrink = shrunk if image.ndim == 3 else shrunk_tags
+        return shrink(image[:TELEPHOTO_KEPT], config.cameras.telephoto_width, config.cameras.telephoto_height)
+    rows, columns = config.brake.sharp
+    left = (image.shape[1] - columns) // 2
+    return np.ascontiguousarray(image[:rows, left : left + columns])
 
 
 def as_batch(images: Sequence[Bytes]) -> Tensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +30,9 @@ def column(images: Sequence[Image]) -> Image:
 
 
 def fitted(image: Image, width: int) -> Image:
-    """An image (H, W, 3) on black, as wide as wanted."""
+    """An image (H, W, 3) on black, as wide as wanted; a wider one is shrunk."""
+    if image.shape[1] > width:
+        image = np.asarray(cv2.resize(image, (width, round(image.shape[0] * width / image.shape[1]))))
     room = width - image.shape[1]
     return np.pad(image, ((0, 0), (room // 2, room - room // 2), (0, 0)))
 

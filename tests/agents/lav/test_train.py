@@ -8,17 +8,19 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
 
+from agents.lav.config import find_preset
 from agents.lav.stages.base import STAGES
 from agents.lav.train import stages_of
 from lavsim.cli import main
 
 
 def test_parents_come_first() -> None:
-    order = stages_of("all")
+    order = stages_of("all", find_preset("tiny"))
     assert sorted(order) == sorted(map(str, STAGES))
     for name in order:
         assert all(order.index(parent) < order.index(name) for parent in STAGES[name].parents)
     assert stages_of("bev") == ["bev"]
+    assert "approaches" not in stages_of("all"), "the paper's brake network learns from what was recorded"
 
 
 @pytest.mark.parametrize(
