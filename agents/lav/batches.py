@@ -19,7 +19,7 @@ from lavsim.random import Draws
 OTHERS = 3  # vehicles beside the ego a sample, at most
 TURN_JITTER, SHIFT_JITTER = np.radians(20.0), 1.5  # of the ego's window [rad], [m]; small ones are commoner
 # Some windows lie a lane beside the way: the paper's 2.5 m do not teach which lane the goal lies on.
-LOST, LOST_SHIFT = 0.35, 4.5  # share of them, [m]
+LOST, LOST_SHIFT = 0.5, 4.5  # share of them, [m]
 OTHERS_TURN, OTHERS_SHIFT = np.radians(10.0), 0.8  # of others' windows
 SPEED_NOISE = 0.4  # [m/s] of others' speeds: a tracker is that far off
 EGO_SPEED_NOISE = 0.15  # [m/s]

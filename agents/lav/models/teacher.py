@@ -66,7 +66,9 @@ class MotionNetwork(nn.Module):
         windows = crop_rois(image, poses, self._grid, self._crop, self._cell)
         real = torch.ones(poses.shape[:2], dtype=torch.bool, device=poses.device) if is_real is None else is_real
         known = speeds[real] if speeds is not None else None
-        vectors = self.embedding(windows[real], known)
+        own = goals.new_full((*real.shape, self._goals, 2), torch.nan)
+        own[:, 0] = goals[:, : self._goals]  # nobody knows where others go
+        vectors = self.embedding(windows[real], known, own[real])
         plan = self.motion(vectors, known)
         vectors, coarse, commands = (_placed(values, real) for values in (vectors, plan.coarse, plan.commands))
         refined = self.motion.refine(vectors[:, 0], goals[:, : self._goals], coarse[:, 0])

@@ -27,7 +27,7 @@ from tests.agents.lav.test_training import made_samples, motions_of
 from tests.dataset.recorded import drive, record
 
 SEES_ONLY_LABELS = ({"type": "sensor.lavsim.bev", "id": "bev"},)
-GOLDEN = (4.62517, 4.37410, 0.36521, 0.79687, 5.20814, 4.92919, 0.45640, 0.64777)  # loss, ego, others, command; twice
+GOLDEN = (4.44698, 4.19850, 0.36136, 0.78906, 5.57543, 5.29264, 0.46082, 0.66542)  # loss, ego, others, command; twice
 
 
 def micro(**motion: object) -> LavConfig:

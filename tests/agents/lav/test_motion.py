@@ -197,3 +197,21 @@ def test_the_second_goal_counts_where_there_are_two() -> None:
     teacher = make_teacher(find_preset("micro")).eval()
     image, poses = torch.rand(2, 5, 32, 32), torch.zeros(2, 1, 3)
     assert torch.equal(teacher(image, poses, goals).refined, teacher(image, poses, moved).refined)
+
+
+def test_goals_beside_the_window_begin_as_nothing_and_then_move_the_egos_plan_alone() -> None:
+    torch.manual_seed(0)
+    config = find_preset("micro")
+    inputs = {"goals_embedded": True, "goals": 2}
+    teacher = make_teacher(config.model_copy(update={"motion": config.motion.model_copy(update=inputs)})).eval()
+    plain = make_teacher(config.model_copy(update={"motion": config.motion.model_copy(update={"goals": 2})})).eval()
+    plain.load_state_dict({k: v for k, v in teacher.state_dict().items() if "embedding.goal" not in k})
+    image = torch.rand(1, 5, config.grid.rows, config.grid.cols)
+    poses = torch.tensor([[[0.0, 0.0, 0.0], [3.0, -6.0, 0.2]]])
+    goals = torch.tensor([[[0.0, -40.0], [0.0, -90.0]]])
+    assert torch.equal(teacher(image, poses, goals).coarse, plain(image, poses, goals).coarse)
+    assert teacher.embedding.goal is not None
+    nn.init.normal_(teacher.embedding.goal.second.weight)
+    straight, aside = (teacher(image, poses, goals + torch.tensor([x, 0.0])).coarse for x in (0.0, 3.0))
+    assert float((straight - aside)[:, 0].abs().max()) > 1e-3
+    assert torch.equal(straight[:, 1], aside[:, 1]), "where others go nobody knows"
