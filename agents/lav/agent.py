@@ -29,6 +29,7 @@ from agents.lav.driving import (
     vehicle_forecasts,
 )  # fmt: skip
 from agents.lav.frames import command_of, planner_from_world, vehicle_from_planner, world_from_planner
+from agents.lav.halting import FREE, Signals, Told
 from agents.lav.localise import EgoFilter, Pose
 from agents.lav.models.detection import Detections
 from agents.lav.perceive import CAMERAS, LIDAR, SUITE, TELEPHOTO, Perceiver, Sight, read_trained
@@ -38,12 +39,13 @@ from lavsim.agent import Agent, Track
 from lavsim.config import Config, read_config
 from lavsim.drawings import Drawing, boxes, points, raster, scalar
 from lavsim.guidance import Guide
-from lavsim.types import Control
+from lavsim.types import DT, Control
 
 Floats = NDArray[np.float64]
 Readings = Mapping[str, Any]
 
 _HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
+_RESTING = 6  # numbers of a box that stands
 _SHOWN_SCORE, _SHOWN_LEVELS = 0.3, 8  # of a painted point; of the map, whose few levels pack well
 _PAINTED = {"painted vehicle": 3, "painted walker": 0}  # among a point's scores
 
@@ -105,9 +107,10 @@ class LavAgent(Agent):
         self.config = self._eyes.config
         self._driver, self._hold = Driver(self.config.drive, _HALF_SIZE), BrakeHold(self.config.drive)
         self._place, self._scans = EgoFilter(), Scans(self.config)
-        self._vehicles, self._walkers = Tracker(), Tracker()
+        self._vehicles, self._walkers = Tracker(_RESTING), Tracker()
         self._guide: Guide | None = None
-        self._tick, self._steer, self._brake = 0, 0.0, 0.0
+        self._tick, self._steer, self._told = 0, 0.0, Told(0.0)
+        self._signals = Signals(self.config.drive)
         self._shown: tuple[Sight, Outlook] | None = None
 
     def sensors(self) -> list[dict[str, Any]]:
@@ -115,17 +118,17 @@ class LavAgent(Agent):
 
     def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
         readings = {name: reading for name, (_, reading) in input_data.items()}
-        speed, compass = max(float(readings["EGO"]["speed"]), 0.0), float(readings["IMU"][6])
+        speed, compass = speed_of(readings), float(readings["IMU"][6])
         pose = self._place.update(readings["GPS"], compass, speed, self._steer)
         goals, command = self._goals(readings, pose)
         images = [_rgb(readings[name]) for name in CAMERAS]
         scan = self._eyes.paint(self._scans.merged(readings[LIDAR]), images)
         sight = self._eyes.see(self._scans.stacked(scan, pose))
         found = self.found(sight, pose, readings)
-        is_held = self.is_held(images, readings, speed)
+        is_held, allowed = self.signals(images, readings, speed)
         outlook = self.outlook(sight, found, goals, speed, command, readings)
         self._tick += 1
-        control = self._driver.step(outlook.plan, self._forecasts(outlook, found), speed, command, is_held)
+        control = self._driver.step(outlook.plan, self._forecasts(outlook, found), speed, command, is_held, allowed)
         self._steer = control.steer
         self._shown = sight, outlook
         return control
@@ -141,26 +144,35 @@ class LavAgent(Agent):
             "walkers": _drawn_boxes(sight.walkers),
             "road": self._drawn_map(sight),
             **(_drawn_paint(sight.points) if self.config.painted else {}),
-            "brake": scalar(self._brake),
+            **self._drawn_signals(),
             **self._driver.drawings(),
         }
 
     def found(self, sight: Sight, pose: Pose, readings: Readings) -> Found:
         """Who is taken to be there: what is seen, with speeds from where it was seen before."""
-        boxes = sight.vehicles.boxes.numpy().astype(np.float64)
-        speeds = np.hypot(*self._vehicles.update(world_from_planner(boxes[:, :2], *pose)).T)
-        places = sight.walkers.boxes.numpy().astype(np.float64)[:, :2]
-        velocities = np.nan_to_num(self._walkers.update(world_from_planner(places, *pose)))
-        ahead = np.flatnonzero(boxes[:, 1] < 0.0)
-        nearest = ahead[np.argsort(np.hypot(*boxes[ahead, :2].T), kind="stable")][: self.config.drive.forecasts]
-        walking = planner_from_world(velocities, np.zeros(2), pose.yaw)
-        return Found(boxes[nearest], speeds[nearest], places, walking)
+        drive, moved = self.config.drive, speed_of(readings) * DT
+        boxes, walkers = (part.boxes.numpy().astype(np.float64) for part in (sight.vehicles, sight.walkers))
+        cars = self._vehicles.update(_resting(boxes, pose), moved)
+        speeds = np.hypot(*cars.velocities.T)
+        stands = speeds < drive.standing
+        boxes[stands] = _unresting(cars.rested[stands], pose)
+        ahead = np.flatnonzero((boxes[:, 1] < 0.0) & (cars.seen >= drive.least_seen))
+        nearest = ahead[np.argsort(np.hypot(*boxes[ahead, :2].T), kind="stable")][: drive.forecasts]
+        people = self._walkers.update(world_from_planner(walkers[:, :2], *pose))
+        walking = planner_from_world(np.nan_to_num(people.velocities), np.zeros(2), pose.yaw)
+        counts = people.seen >= drive.least_seen
+        return Found(boxes[nearest], speeds[nearest], walkers[counts, :2], walking[counts])
 
-    def is_held(self, images: Sequence[NDArray[np.uint8]], readings: Readings, speed: float) -> bool:
-        """Whether to stop for what no plan tells, as lights."""
-        if self._tick % self.config.drive.brake_every == 0:
-            self._brake = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
-        return self._hold.step(self._brake, speed)
+    def signals(self, images: Sequence[NDArray[np.uint8]], readings: Readings, speed: float) -> tuple[bool, float]:
+        """Whether to brake at once, and the speed [m/s] that lights and signs ahead allow."""
+        drive = self.config.drive
+        is_new = self._tick % drive.brake_every == 0
+        if is_new:
+            self._told = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
+        if not self._told.tells_causes:
+            return self._hold.step(self._told.stop, speed), FREE
+        is_stopped = self._told.others > drive.others_score and speed > drive.stop_below
+        return is_stopped, self._signals.step(self._told, is_new, speed)
 
     def outlook(
         self, sight: Sight, found: Found, goals: Floats, speed: float, command: int, readings: Readings
@@ -190,11 +202,37 @@ class LavAgent(Agent):
             "walker": straight_forecasts(found.walkers, found.walking, len(outlook.plan)),
         }
 
+    def _drawn_signals(self) -> dict[str, Drawing]:
+        told = self._told
+        if not told.tells_causes:
+            return {"brake": scalar(told.stop)}
+        names = {"brake": told.stop, "red or yellow": told.red + told.yellow, "stop sign": told.sign}
+        shown = {name: scalar(value) for name, value in {**names, "others": told.others}.items()}
+        return {**shown, "to the line": scalar(told.distance, "m")}
+
     def _drawn_map(self, sight: Sight) -> Drawing:
         grid = self.config.grid
         road, solid, broken = torch.sigmoid(sight.map).numpy()
         shown = np.round((0.5 * road + 0.5 * np.maximum(solid, broken)) * _SHOWN_LEVELS) / _SHOWN_LEVELS
         return raster(shown, ((grid.ahead - grid.behind) / 2.0, 0.0, 0.0), grid.cell, "ego")
+
+
+def speed_of(readings: Readings) -> float:
+    """Of the ego [m/s]; noise can make it negative."""
+    return max(float(readings["EGO"]["speed"]), 0.0)
+
+
+def _resting(boxes: Floats, pose: Pose) -> Floats:
+    """(N, 6) of boxes (N, 5) what can be averaged in the frame that stands still: a box found the other way round is
+    the same box."""
+    axis = 2.0 * (boxes[:, 2] + pose.yaw)
+    return np.column_stack([world_from_planner(boxes[:, :2], *pose), np.cos(axis), np.sin(axis), boxes[:, 3:]])
+
+
+def _unresting(means: Floats, pose: Pose) -> Floats:
+    """The inverse of `_resting`."""
+    heading = np.arctan2(means[:, 3], means[:, 2]) / 2.0 - pose.yaw
+    return np.column_stack([planner_from_world(means[:, :2], *pose), heading, means[:, 4:]])
 
 
 def _drawn_boxes(found: Detections) -> Drawing:

@@ -177,6 +177,19 @@ class DriveConfig(Config):
     forecasts: int = Field(default=8, ge=0, description="Vehicles whose motions are foreseen: the nearest ahead.")
     slack: float = Field(default=0.3, ge=0.0, description="Taken off found boxes that stand: they are so far off [m].")
     standing: float = Field(default=0.8, ge=0.0, description="Tracked slower than this, a vehicle stands [m/s].")
+    comfort: float = Field(default=3.0, gt=0.0, description="Brakes so for lines and others ahead [m/s²].")
+    room: float = Field(default=1.5, ge=0.0, description="Kept before others that are in the way [m].")
+    patience: float = Field(default=4.0, ge=0.0, description="Standing longer, it passes others more narrowly [s].")
+    yield_time: float = Field(default=8.0, gt=0.0, description="So long until it does so fully [s].")
+    most_yield: float = Field(default=0.4, ge=0.0, description="Margins aside are then smaller by [m].")
+    least_seen: int = Field(default=3, ge=1, description="Ticks in which somebody is found before he counts.")
+    light_score: float = Field(default=0.5, ge=0.0, le=1.0, description="Red or yellow is told above.")
+    light_gap: float = Field(default=4.0, description="From its front to a light's line, where it stands [m].")
+    sign_score: float = Field(default=0.5, ge=0.0, le=1.0, description="A stop sign is told above.")
+    sign_gap: float = Field(default=2.0, description="The same before a stop sign [m].")
+    others_score: float = Field(
+        default=0.8, ge=0.0, le=1.0, description="Brakes while it drives where others are told above; 1: never."
+    )
 
 
 class TrainingConfig(Config):

@@ -19,7 +19,11 @@ _FLICKER = 0.5  # [s] that a sure score of the brake network lasts
 _DOUBT = 4.0  # [s] to get away in
 _CREPT = 2.0  # [m] that a burst of it drives
 _BEHIND = 2.0  # [m] others whose first forecast lies that far behind can't be run into
+_CRAWLS = 0.5  # [m/s]
+_FORGETS = 0.5  # [m] driven that make up for a second of standing
 _LEAST_AIM = 3.0  # [m] the wheel is not turned for nearer waypoints
+_ALLOWED_GAIN = 0.5  # brakes for a metre per second more than allowed
+_ALLOWED_SLACK = 0.7  # [m/s] below what is allowed it speeds up no more
 _STEP = 0.15  # [m] between waypoints below which a path has no direction
 STOP = Control(brake=1.0)
 
@@ -46,24 +50,28 @@ class Controller:
         self._config = config
         self._steering, self._speed = Pid(config.steering), Pid(config.speed)
 
-    def follow(self, plan: Floats, speed: float, command: int) -> Control:
+    def follow(self, plan: Floats, speed: float, command: int, allowed: float = math.inf) -> Control:
         """The control that drives a plan.
 
         Args:
             plan: (T, 2), `TIME_STEP` apart.
             speed: Of the ego [m/s].
             command: 0 to 5.
+            allowed: Speed that what lies ahead allows [m/s].
         """
         config = self._config
         if not np.isfinite(plan).all():
             return STOP
-        wanted = planned_speed(plan) * config.speed_ratio[command]
+        planned = planned_speed(plan) * config.speed_ratio[command]
+        wanted = min(planned, max(allowed - _ALLOWED_SLACK, 0.0))
         angle = aim_angle(plan, config.aim[command])
         steer = min(max(self._steering.step(angle / (math.pi / 2.0)), -1.0), 1.0)
         error = min(max(wanted - speed, 0.0), config.error_clip)
         throttle = min(max(self._speed.step(error), 0.0), config.most_throttle)
         if wanted < config.stop_below:
             return Control(steer=steer, brake=1.0)
+        if speed > allowed:
+            return Control(steer=steer, brake=min(_ALLOWED_GAIN * (speed - allowed), 1.0))
         if speed > wanted + config.over_speed:
             return Control(steer=steer, brake=min(0.2 * (speed - wanted), 1.0))
         return Control(throttle=throttle if speed < config.speed_cap else 0.0, steer=steer)
@@ -98,6 +106,28 @@ class StuckCounter:
             return control
         self._left -= 1
         return Control(throttle=max(control.throttle, _CREEP_THROTTLE))
+
+
+class Impatience:
+    """How much nearer the ego passes others the longer it stands: boxes err, and one found too near would hold it.
+
+    Args:
+        config: How much, and how soon.
+    """
+
+    def __init__(self, config: DriveConfig) -> None:
+        self._config = config
+        self._stood = 0.0  # [s]
+
+    def step(self, speed: float) -> float:
+        """What margins are smaller by [m], at this tick."""
+        config = self._config
+        if speed < _CRAWLS:
+            self._stood = min(self._stood + DT, config.patience + config.yield_time)
+        else:
+            self._stood = max(self._stood - speed * DT / _FORGETS, 0.0)
+        share = max(self._stood - config.patience, 0.0) / config.yield_time
+        return config.most_yield * share
 
 
 class BrakeHold:
@@ -144,8 +174,10 @@ def creep_path(steps: int) -> Floats:
     return np.stack([np.zeros(steps), -_CREPT * np.arange(1, steps + 1) / steps], axis=1)
 
 
-def touched(plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, config: DriveConfig) -> NDArray[np.bool_]:
-    """(N,) whom the ego, on its plan, touches on a likely forecast at the same time.
+def touched(
+    plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, config: DriveConfig, less: float = 0.0
+) -> NDArray[np.bool_]:
+    """(N, T) whom the ego, on its plan, touches on a likely forecast at the same time, and when.
 
     Boxes are compared, not centres as in the original: two metres between centres stop the ego beside every parked car,
     and miss the end of a bus.
@@ -156,14 +188,16 @@ def touched(plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, con
         likelihood: (N, 6) of each.
         boxes: (1 + N, 3) heading now [rad], half length and half width [m], the ego's first.
         config: Margins.
+        less: What the margin beside the ego is smaller by [m].
     """
     if not len(others):
-        return np.zeros(0, np.bool_)
+        return np.zeros((0, len(plan)), np.bool_)
     own = _poses(plan, boxes[0, 0])
     poses = _poses(others, boxes[1:, None, 0])
     half = np.broadcast_to(boxes[1:, None, None, 1:], (*poses.shape[:3], 2))
-    touch = _overlap(own, boxes[0, 1:] + config.collision_margin, poses, half).any(axis=-1)
-    return np.asarray((touch & (likelihood >= config.likely) & (others[:, :, 0, 1] <= _BEHIND)).any(axis=1))
+    touch = _overlap(own, boxes[0, 1:] + config.collision_margin - np.array([0.0, less]), poses, half)
+    counts = (likelihood >= config.likely) & (others[:, :, 0, 1] <= _BEHIND)
+    return np.asarray((touch & counts[..., None]).any(axis=1))
 
 
 def _poses(paths: Floats, heading: Floats | float) -> Floats:

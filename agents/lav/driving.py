@@ -5,6 +5,7 @@ Source: reference `lav.md` 6.2 to 6.4.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from agents.lav.config import COMMANDS, TIME_STEP, DriveConfig
-from agents.lav.controller import STOP, Controller, StuckCounter, creep_path, planned_speed, touched
+from agents.lav.controller import STOP, Controller, Impatience, StuckCounter, creep_path, planned_speed, touched
 from agents.lav.frames import planner_from_vehicle, vehicle_from_planner
+from agents.lav.halting import FREE, allowed_speed, room_before
 from agents.lav.models.crop import to_planner
 from agents.lav.models.teacher import Motions
 from lavsim.drawings import Drawing, boxes, polylines, scalar
@@ -24,7 +26,8 @@ from lavsim.types import Control
 
 Floats = NDArray[np.float64]
 
-WALKER_REACH = 0.7  # [m] kept free around a walker
+WALKER_REACH, STANDING_REACH = 0.7, 0.5  # [m] kept free around a walker, and around one who stands
+_WALKS = 0.3  # [m/s]
 _CHANGE = 4  # commands from here on change lanes
 
 
@@ -105,7 +108,8 @@ def straight_forecasts(places: Floats, velocities: Floats, steps: int) -> Foreca
     time = TIME_STEP * np.arange(1, steps + 1)[:, None]
     paths = places[:, None] + velocities[:, None] * time
     shape = (len(places), COMMANDS)
-    boxes = np.tile([0.0, WALKER_REACH, WALKER_REACH], (len(places), 1))
+    reach = np.where(np.hypot(*velocities.T) < _WALKS, STANDING_REACH, WALKER_REACH)
+    boxes = np.stack([np.zeros(len(places)), reach, reach], axis=1)
     return Forecasts(np.broadcast_to(paths[:, None], (*shape, steps, 2)), np.ones(shape), boxes)
 
 
@@ -121,30 +125,41 @@ class Driver:
         self._config = config
         self._box = np.array([0.0, *half_size])
         self._controller = Controller(config)
-        self._stuck = StuckCounter(config)
+        self._stuck, self._impatience = StuckCounter(config), Impatience(config)
+        self._less = 0.0  # [m] of the margin aside
         self._others: Mapping[str, Forecasts] = {}
         self._in_way: dict[str, NDArray[np.int64]] = {}
         self._is_held = False
 
     def step(
-        self, plan: Floats, others: Mapping[str, Forecasts], speed: float, command: int, is_held: bool = False
+        self,
+        plan: Floats,
+        others: Mapping[str, Forecasts],
+        speed: float,
+        command: int,
+        is_held: bool = False,
+        allowed: float = FREE,
     ) -> Control:
-        """The control; full brakes where the plan meets a likely forecast, or a network that may err holds it.
+        """The control: along the plan, no faster than from where it can stop before whoever comes into the way.
 
         Args:
             plan: (T, 2) in the planner frame [m].
             others: Forecasts by kind of actor.
             speed: Of the ego [m/s].
             command: 0 to 5.
-            is_held: Whether the network that may err does.
+            is_held: Whether a network that may err brakes.
+            allowed: Speed that lights and signs ahead allow [m/s].
         """
-        control = self._controller.follow(plan, speed, command)
-        self._in_way = {kind: np.flatnonzero(self._hit(plan, each)) for kind, each in others.items()}
-        self._others, self._is_held = others, is_held
-        if is_held or any(len(rows) for rows in self._in_way.values()):
-            control = Control(steer=control.steer, brake=STOP.brake)
+        self._less = self._impatience.step(speed)
+        hits = {kind: self._hit(plan, each) for kind, each in others.items()}
+        self._in_way = {kind: np.flatnonzero(hit.any(axis=1)) for kind, hit in hits.items()}
+        room = min((room_before(plan, np.asarray(hit.any(axis=0))) for hit in hits.values()), default=math.inf)
+        is_told = is_held or allowed < self._config.stop_below
+        self._others, self._is_held = others, is_told
+        before = 0.0 if is_held else allowed_speed(room - self._config.room, self._config)
+        control = self._controller.follow(plan, speed, command, min(allowed, before))
         is_free = not any(self._hit(creep_path(len(plan)), each).any() for each in others.values())
-        return self._stuck.step(control, speed, is_free, is_held)
+        return self._stuck.step(control, speed, is_free, is_told)
 
     def halt(self, plan: Floats, speed: float, command: int) -> Control:
         """Full brakes for what is known for sure: who waits for a light is not stuck."""
@@ -164,7 +179,7 @@ class Driver:
 
     def _hit(self, plan: Floats, others: Forecasts) -> NDArray[np.bool_]:
         boxes = np.concatenate([self._box[None], others.boxes])
-        return touched(plan, others.paths, others.likelihood, boxes, self._config)
+        return touched(plan, others.paths, others.likelihood, boxes, self._config, self._less)
 
 
 def drawings_of(outlook: Outlook, config: DriveConfig) -> dict[str, Drawing]:

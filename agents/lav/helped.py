@@ -20,6 +20,7 @@ from agents.behavior.road import stop_points
 from agents.lav.agent import Found, LavAgent, LavSettings, Readings
 from agents.lav.config import TIME_STEP
 from agents.lav.driving import Outlook
+from agents.lav.halting import FREE
 from agents.lav.localise import Pose
 from agents.lav.perceive import Sight
 from agents.lav.privileged import PrivilegedLavAgent, bev_sensor
@@ -62,14 +63,14 @@ class HelpedLavAgent(PrivilegedAgent, LavAgent):
         bev = [bev_sensor(self._teacher.config)] if self._teacher else []
         return [*LavAgent.sensors(self), *PrivilegedAgent.sensors(self), *bev]
 
-    def is_held(self, images: Sequence[NDArray[np.uint8]], readings: Readings, speed: float) -> bool:
-        held = super().is_held(images, readings, speed)
+    def signals(self, images: Sequence[NDArray[np.uint8]], readings: Readings, speed: float) -> tuple[bool, float]:
+        told = super().signals(images, readings, speed)
         if "brake" not in self._truth:
-            return held
+            return told
         if self._lines is None:
             path = path_of_plan(self.dense_plan)
             self._lines = StopLines(PathTracker(path), stop_points(path, load_town(readings["truth"]["town"])))
-        return self._lines.must_stop(readings["truth"], speed)
+        return self._lines.must_stop(readings["truth"], speed), FREE
 
     def found(self, sight: Sight, pose: Pose, readings: Readings) -> Found:
         found = super().found(sight, pose, readings)

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.lav.config import DriveConfig, LavConfig
-from agents.lav.data.arrays import TELEPHOTO_KEPT
-from agents.lav.data.images import as_batch, shrunk
+from agents.lav.data.images import as_batch, far_view, shrunk
 from agents.lav.data.points import SCORES, thinned
 from agents.lav.devices import has_bfloat16
+from agents.lav.halting import Told
 from agents.lav.models.backbone import Seen
-from agents.lav.models.brake import BrakeNetwork
+from agents.lav.models.brake import BrakeNetwork, causes_of, stop_of, telephoto_size
 from agents.lav.models.detection import PEDESTRIAN, VEHICLE, Detections, decode, without_ego
 from agents.lav.models.student import Student
 from agents.lav.models.teacher import Motions
@@ -39,7 +39,7 @@ TRAINED = Path(__file__).parent / "trained"
 SUITE = SUITES["lav"]
 CAMERAS, TELEPHOTO, LIDAR = ("RGB_0", "RGB_1", "RGB_2"), "TEL_RGB", "LIDAR"
 _MOST_FOUND = 20
-_SIZES = {"segmentation": ("cameras", "segmentation"), "brake": ("cameras", "brake")}
+_SIZES = {"segmentation": ("cameras", "segmentation"), "brake": ("cameras",)}
 
 
 @dataclass(frozen=True)
@@ -124,13 +124,13 @@ class Perceiver:
         self._student = _loaded(Student(self.config), trained.student)
         self._painter = Painter(trained.segmentation, SUITE, CAMERAS) if trained.segmentation else None
         grid, cameras = self.config.grid, trained.brake.config.cameras
-        self._cameras = cameras
+        self._brake_config = trained.brake.config
         channels = self._student.perception.pillars.channels
         self._backbone = self._frozen(self._student.perception.backbone, torch.zeros(1, channels, grid.rows, grid.cols))
         self._brake = self._frozen(
             _loaded(BrakeNetwork(trained.brake.config), trained.brake),
             torch.zeros(1, 3, cameras.height, 3 * cameras.width),
-            torch.zeros(1, 3, cameras.telephoto_height, cameras.telephoto_width),
+            torch.zeros(1, 3, *telephoto_size(trained.brake.config)),
         )
 
     def paint(self, points: Floats, images: Sequence[Bytes]) -> Floats:
@@ -164,14 +164,20 @@ class Perceiver:
             motions: Motions = self._student.motion(features, poses, goals, speeds)
         return Motions(*(part.float() for part in motions))
 
-    def brake(self, images: Sequence[Bytes], telephoto: Bytes) -> float:
-        """How sure it is, 0 to 1, that to stop is right."""
-        size = self._cameras
+    def brake(self, images: Sequence[Bytes], telephoto: Bytes) -> Told:
+        """Whether to stop, and for what, as far as the network tells."""
+        size = self._brake_config.cameras
         wide = np.concatenate([shrunk(image, size.width, size.height) for image in images], axis=1)
-        far = shrunk(telephoto[:TELEPHOTO_KEPT], size.telephoto_width, size.telephoto_height)
+        far = far_view(telephoto, self._brake_config)
         with torch.inference_mode():
-            logit: Tensor = self._brake(*(as_batch([image]).float() / 255.0 for image in (wide, far)))
-            return float(torch.sigmoid(logit.float())[0])
+            outputs: Tensor = self._brake(*(as_batch([image]).float() / 255.0 for image in (wide, far))).float()
+            stop = float(torch.sigmoid(stop_of(outputs))[0])
+            if outputs.ndim == 1:
+                return Told(stop)
+            causes = causes_of(outputs)
+            _, red, yellow, _ = torch.softmax(causes.light[0], dim=0).tolist()
+            sign, others = (float(torch.sigmoid(logit)[0]) for logit in (causes.sign, causes.others))
+            return Told(stop, red, yellow, sign, others, float(causes.distance[0]), tells_causes=True)
 
     def _precision(self, cache: bool = True) -> Any:
         return torch.autocast("cpu", torch.bfloat16, enabled=self._is_fast, cache_enabled=cache)

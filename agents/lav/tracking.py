@@ -1,6 +1,8 @@
-"""Velocities of detected actors, from where they are found tick after tick in a frame that stands still."""
+"""Velocities of detected actors, and where those that stand are: from tick after tick, in a frame that stands still."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,27 +17,55 @@ _PLACE_STD = 0.25  # [m] of a detection: cells are half a metre
 _ACCELERATION = 2.5  # [m/s²]
 _BEGIN_SPEED = 8.0  # [m/s] what a new one may drive
 _KNOWN = 1.0  # [m/s] standard deviation below which a velocity is told
+_STANDS = 1.0  # [m/s]
 _LOST = 10  # ticks without a detection
+_APART = 0.5  # [m] that the ego has to move before it sees anew: detections err by cells, the same from the same place
+_MOST = 10.0  # such looks that are averaged
+
+
+class Tracked(NamedTuple):
+    """Of the actors found at a tick, in their order.
+
+    Attributes:
+        velocities: (N, 2) [m/s], not a number where they are not known yet.
+        rested: (N, D) means of what was found, for those who stand.
+        seen: (N,) ticks in which each was found.
+    """
+
+    velocities: Floats
+    rested: Floats
+    seen: NDArray[np.int64]
 
 
 class Tracker:
     """One Kalman filter an actor, constant velocity, the nearest detection each."""
 
-    def __init__(self) -> None:
+    def __init__(self, columns: int = 2) -> None:
         self._state = np.zeros((0, 2, 2))  # by track: place and velocity, by axis
         self._spread = np.zeros((0, 2, 2))  # the same for both axes
         self._missed = np.zeros(0, np.int64)
+        self._seen = np.zeros(0, np.int64)
+        self._mean, self._looks = np.zeros((0, columns)), np.zeros(0)
 
-    def update(self, places: Floats) -> Floats:
-        """(N, 2) velocities [m/s] of the actors at places (N, 2) [m], not a number where they are not known yet."""
+    def update(self, found: Floats, moved: float = 0.0) -> Tracked:
+        """Takes in a tick.
+
+        Args:
+            found: (N, D) of each actor: its place [m], and whatever is to be averaged of those who stand.
+            moved: Way of the ego since the last tick [m].
+        """
+        places, count = found[:, :2], len(found)
         self._predict()
-        tracks, found = self._pairs(places)
-        self._correct(tracks, places[found])
-        velocities = np.full((len(places), 2), np.nan)
+        tracks, rows = self._pairs(places)
+        self._correct(tracks, places[rows])
+        self._average(tracks, found[rows], moved)
+        self._seen[tracks] += 1
+        told = Tracked(np.full((count, 2), np.nan), found.copy(), np.ones(count, np.int64))
         sure = self._spread[tracks, 1, 1] < _KNOWN**2
-        velocities[found[sure]] = self._state[tracks[sure], 1]
-        self._renew(tracks, np.delete(places, found, axis=0))
-        return velocities
+        told.velocities[rows[sure]] = self._state[tracks[sure], 1]
+        told.rested[rows], told.seen[rows] = self._mean[tracks], self._seen[tracks]
+        self._renew(tracks, np.delete(found, rows, axis=0))
+        return told
 
     def _predict(self) -> None:
         step = np.array([[1.0, DT], [0.0, 1.0]])
@@ -57,8 +87,18 @@ class Tracker:
         self._state[tracks] += gain[:, :, None] * (places - self._state[tracks, 0])[:, None]
         self._spread[tracks] = spread - gain[:, :, None] * spread[:, :1]
 
-    def _renew(self, tracks: NDArray[np.int64], fresh: Floats) -> None:
+    def _average(self, tracks: NDArray[np.int64], found: Floats, moved: float) -> None:
+        """Means since each stands, of looks from different places."""
+        drives = np.hypot(*self._state[tracks, 1].T) > _STANDS
+        weight = min(moved / _APART, 1.0)
+        looks = np.where(drives, 1.0, np.minimum(self._looks[tracks] + weight, _MOST))
+        gain = np.where(drives, 1.0, weight / looks)
+        self._looks[tracks] = looks
+        self._mean[tracks] += gain[:, None] * (found - self._mean[tracks])
+
+    def _renew(self, tracks: NDArray[np.int64], found: Floats) -> None:
         """Forgets the lost, begins with the new."""
+        fresh, count = found[:, :2], len(found)
         self._missed += 1
         self._missed[tracks] = 0
         kept = self._missed <= _LOST
@@ -66,4 +106,7 @@ class Tracker:
         unsure = np.broadcast_to(np.diag([_PLACE_STD**2, _BEGIN_SPEED**2]), (len(fresh), 2, 2))
         self._state = np.concatenate([self._state[kept], begin])
         self._spread = np.concatenate([self._spread[kept], unsure])
-        self._missed = np.concatenate([self._missed[kept], np.zeros(len(fresh), np.int64)])
+        self._missed = np.concatenate([self._missed[kept], np.zeros(count, np.int64)])
+        self._seen = np.concatenate([self._seen[kept], np.ones(count, np.int64)])
+        self._mean = np.concatenate([self._mean[kept], found])
+        self._looks = np.concatenate([self._looks[kept], np.ones(count)])

@@ -65,7 +65,7 @@ def found_speeds(velocity: tuple[float, float], ticks: int = 60, aside: float = 
         place = np.array([10.0, 2.0]) + np.array(velocity) * DT * tick
         places = np.round(2.0 * np.array([place, place + np.array([0.0, aside])])) / 2.0
         order = [0, 1] if tick % 2 else [1, 0]
-        velocities = tracker.update(places[order])
+        velocities = tracker.update(places[order]).velocities
         found.append(np.hypot(*velocities.T)[order])
     return np.array(found)
 
@@ -81,12 +81,34 @@ def test_speeds_are_told_to_half_a_metre_a_second(velocity: tuple[float, float])
 def test_a_lost_actor_is_forgotten_and_a_new_one_begins_unknown() -> None:
     tracker, here = Tracker(), np.array([[5.0, 0.0]])
     for _ in range(40):
-        known = tracker.update(here)
+        known = tracker.update(here).velocities
     assert np.isfinite(known).all()
     for _ in range(5):
-        assert tracker.update(np.zeros((0, 2))).shape == (0, 2)
-    assert np.isfinite(tracker.update(here)).all()
+        assert tracker.update(np.zeros((0, 2))).velocities.shape == (0, 2)
+    assert np.isfinite(tracker.update(here).velocities).all()
     for _ in range(12):
         tracker.update(np.zeros((0, 2)))
-    assert np.isnan(tracker.update(here)).all()
-    assert np.isnan(tracker.update(here + 20.0)).all()
+    assert np.isnan(tracker.update(here).velocities).all()
+    assert np.isnan(tracker.update(here + 20.0).velocities).all()
+
+
+def test_who_stands_is_where_he_was_found_on_average_of_many_places() -> None:
+    tracker, place, rng = Tracker(3), np.array([20.0, 2.2]), np.random.default_rng(0)
+    errors, error = [], np.zeros(2)
+    for tick in range(80):
+        moved = 0.3 if tick < 50 else 0.0  # then the ego stands, and errs the same again and again
+        error = rng.normal(0.0, 0.25, 2) if moved else error
+        told = tracker.update(np.array([[*(place + error), 1.8]]), moved)
+        errors.append(np.abs(told.rested[0, :2] - place).max())
+    assert told.seen.tolist() == [80]
+    assert told.rested[0, 2] == pytest.approx(1.8)
+    assert max(errors[30:]) < 0.3
+    assert errors[-1] == errors[50], "nothing new is seen from the same place"
+
+
+def test_who_drives_is_where_he_is_found() -> None:
+    tracker = Tracker()
+    for tick in range(60):
+        here = np.array([[0.4 * tick, 0.0]])
+        told = tracker.update(here, 0.4)
+    assert told.rested[0].tolist() == here[0].tolist()

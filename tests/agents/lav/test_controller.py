@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from agents.lav.config import DriveConfig, PidConfig
-from agents.lav.controller import Controller, Pid, StuckCounter, aim_angle, creep_path, planned_speed, touched
+from agents.lav.controller import (
+    Controller,
+    Impatience,
+    Pid,
+    StuckCounter,
+    aim_angle,
+    creep_path,
+    planned_speed,
+    touched,
+)
 from lavsim.types import Control
 
 CONFIG = DriveConfig()
@@ -60,6 +69,15 @@ def test_it_stops_for_a_plan_of_no_numbers_and_does_not_race() -> None:
     assert Controller(CONFIG).follow(straight(20.0), 13.0, 3).throttle == 0.0
 
 
+@pytest.mark.parametrize(
+    ("allowed", "speed", "throttle", "brake"),
+    [(math.inf, 5.0, 0.8, 0.0), (4.0, 3.0, 0.8, 0.0), (4.0, 3.5, 0.0, 0.0), (4.0, 5.0, 0.0, 0.5), (1.0, 0.9, 0.0, 1.0)],
+)
+def test_it_drives_no_faster_than_is_allowed(allowed: float, speed: float, throttle: float, brake: float) -> None:
+    control = Controller(CONFIG).follow(straight(8.0), speed, 3, allowed)
+    assert (control.throttle, control.brake) == (pytest.approx(throttle), pytest.approx(brake))
+
+
 def test_it_creeps_after_a_while_and_only_then() -> None:
     counter = StuckCounter(CONFIG)
     stop = Control(brake=1.0)
@@ -100,7 +118,7 @@ def hits(plan: np.ndarray, path: np.ndarray, heading: float = 0.0, likelihood: f
     forecasts[0, 2] = path
     likely = np.zeros((1, 6))
     likely[0, 2] = likelihood
-    return bool(touched(plan, forecasts, likely, np.array([(0.0, *CAR), (heading, *half)]), CONFIG)[0])
+    return bool(touched(plan, forecasts, likely, np.array([(0.0, *CAR), (heading, *half)]), CONFIG).any())
 
 
 def test_forecasts_in_the_way_count_when_they_are_likely_touching_and_not_behind() -> None:
@@ -122,3 +140,18 @@ def test_a_parked_car_beside_the_way_is_no_obstacle_and_one_on_it_is() -> None:
     far_end = np.tile([0.0, -21.0], (10, 1))
     assert hits(straight(6.0), far_end, half=(6.0, 1.25)), "the rear of a bus counts, not its middle"
     assert not hits(straight(6.0), far_end)
+
+
+def test_the_longer_it_stands_the_more_narrowly_it_passes() -> None:
+    impatience = Impatience(CONFIG)
+    assert impatience.step(0.0) == 0.0
+    stood = [impatience.step(0.0) for _ in range(round((CONFIG.patience + CONFIG.yield_time) / 0.05))]
+    assert stood[round(CONFIG.patience / 0.05) - 2] == 0.0
+    assert stood[-1] == pytest.approx(CONFIG.most_yield)
+    past = [impatience.step(1.5) for _ in range(20)]
+    assert past[-1] > 0.5 * CONFIG.most_yield, "a metre and a half on, it still passes narrowly"
+    assert [impatience.step(5.0) for _ in range(40)][-1] == 0.0
+    parked = np.tile([1.8, -4.0], (1, 6, 10, 1)).astype(float)
+    boxes = np.array([(0.0, *CAR), (0.0, *CAR)])
+    for less, hit in ((0.0, True), (0.4, False)):
+        assert touched(straight(6.0), parked, np.ones((1, 6)), boxes, CONFIG, less).any() == hit
