@@ -1,7 +1,8 @@
 """Film strips of hazards: six pictures each, from when the ego comes near to the end, into `docs/pictures/hazards`.
 
 `python benchmarks/hazard_strips.py` draws every hazard of a route file once, seen from above, with an ego that keeps to
-its route at 8 m/s, slower in bends, and looks at nobody; `--types` chooses some, `--out` another folder.
+its route at 8 m/s, slower in bends, and looks at nobody; `--types` chooses some, `--out` another folder. Those of 1.0:
+`python -m benchmarks.hazard_strips --routes routes/hazards.xml --types Scenario1,Scenario2,…`
 """
 
 from __future__ import annotations
@@ -30,15 +31,22 @@ COUNT, GAP, QUALITY = 6, 3, 56
 SPEED, NEAR, LONGEST = 8.0, 34.0, 900  # [m/s], [m] of the ego from an actor of the hazard, ticks
 LOOKS = 30.0  # [m] of bends ahead for which it slows down
 AFTER = 30  # ticks shown after a contact or after the end
-WITH_TRAFFIC = ("HardBreakRoute",)  # types that act through background vehicles
+WITH_TRAFFIC = ("HardBreakRoute", "Scenario7", "Scenario8", "Scenario9")  # types that act through background vehicles
 
 
 def drive(entry: RouteEntry) -> tuple[Simulation, list[Snapshot]]:
     """The drive's snapshots from the trigger to a while after the hazard's end, or after a contact."""
     traffic = "leaderboard" if entry.scenarios[0].type in WITH_TRAFFIC else "empty"
+    generation = entry.scenarios[0].generation
     simulation = Simulation(
         DriveSpec(
-            entry.town, entry.id, entry.keypoints, entry.weather, entry.scenarios, traffic=traffic, generation="2.x"
+            entry.town,
+            entry.id,
+            entry.keypoints,
+            entry.weather,
+            entry.scenarios,
+            traffic=traffic,
+            generation=generation,
         )
     )
     tracker, shown, left = RouteTracker(simulation.route, 8), list[Snapshot](), AFTER
@@ -101,9 +109,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/pictures/hazards"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
+    drawn = set()
     for entry in read_routes(options.routes):
         kind = entry.scenarios[0].type
-        if options.types is None or kind in options.types.split(","):
+        if kind not in drawn and (options.types is None or kind in options.types.split(",")):
+            drawn.add(kind)
             path = options.out / f"{kind}.jpg"
             cv2.imwrite(str(path), draw(entry), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
             print(f"{path}  {path.stat().st_size / 1000:.0f} kB")

@@ -199,6 +199,15 @@ def test_reference_names_everything_there_is(page: str, names: list[Any]) -> Non
     assert not missing
 
 
+def test_everything_there_is_has_its_picture() -> None:
+    shown = {link for page in PAGES for link in _LINK.findall(page.read_text(encoding="utf-8"))}
+    kinds = [key[1] for key in SCENARIOS if isinstance(key, tuple) and key[0] in ("1.0", "2.x")]
+    assert not [kind for kind in kinds if f"pictures/hazards/{kind}.jpg" not in shown]
+    assert not [file for file in route_files() if f"../pictures/routes-{file}.jpg" not in shown]
+    sensors = (ROOT / "docs" / "reference" / "sensors.md").read_text(encoding="utf-8")
+    assert f"![A reading of each of the {len(list(SENSORS))} sensors](" in sensors, "draw the sheet again"
+
+
 def test_every_page_is_in_the_site() -> None:
     nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     for page in (ROOT / "docs").rglob("*.md"):
