@@ -15,6 +15,7 @@ from typing import Any
 import typer
 
 from lavsim.commands import (  # noqa: F401 - each registers its commands
+    ablate,
     bench,
     collect,
     dataset,

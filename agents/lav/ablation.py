@@ -1,0 +1,127 @@
+"""The paper's ablations as a list of trainings, and their scores as tables beside the paper's.
+
+Who trains and who drives is the command's business (`lavsim ablate`). A row is a variant; a training is a variant with
+a seed. Rows that change nothing of a preset (as K = 5 of one that has five refinements) are the same training.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from agents.lav.train import TrainTask, settings_of
+from agents.lav.variants import VARIANTS
+from lavsim.errors import UnknownName
+
+FULL = "full"  # the variant that others are compared with, and take shared stages from
+
+
+@dataclass(frozen=True)
+class Training:
+    """One training and the drives of what it made.
+
+    Attributes:
+        variant: Its first name.
+        seed: Of the training, and of the drives.
+        task: What is trained.
+    """
+
+    variant: str
+    seed: int
+    task: TrainTask
+
+    @property
+    def runs(self) -> Path:
+        """Folder of the drives."""
+        return self.task.out / "runs"
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Of a variant, over its seeds.
+
+    Attributes:
+        score, completion: Mean of each seed's drives [%].
+        difference, low, high: Driving score less that of the whole LAV on the same routes and seeds, and its interval.
+        smallest: The smallest difference that so many drives could show.
+    """
+
+    score: Sequence[float]
+    completion: Sequence[float]
+    difference: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+    smallest: float = math.inf
+
+
+def tables_of(names: Sequence[str]) -> dict[str, list[str]]:
+    """Variants by table, of tables called so; of all without a name.
+
+    Raises:
+        UnknownName: there is no such table.
+    """
+    found: dict[str, list[str]] = {}
+    for variant, row in VARIANTS.items():
+        found.setdefault(row.row.split(":")[0], []).append(variant)
+    for name in names:
+        if name not in found:
+            raise UnknownName("table", name, found)
+    return {name: found[name] for name in names or found}
+
+
+def trainings_of(variants: Sequence[str], seeds: int, task: TrainTask) -> tuple[list[Training], dict[str, str]]:
+    """Every training once, the whole LAV's of all seeds first, and which variant's training stands for each variant.
+
+    Args:
+        variants: Rows that are asked for.
+        seeds: Trainings of each.
+        task: What all have in common; `out` holds a folder for each.
+
+    Raises:
+        ConfigError: a setting does not fit.
+    """
+    stands_for: dict[str, str] = {}
+    seen: dict[str, str] = {}
+    for name in dict.fromkeys([FULL, *variants]):
+        settings = settings_of(replace(task, variant=name)).model_dump_json()
+        stands_for[name] = seen.setdefault(settings, name)
+    found = []
+    for name in seen.values():
+        for seed in range(seeds):
+            shared = None if name == FULL else task.out / FULL / f"seed{seed}"
+            found.append(Training(name, seed, replace(
+                task, stage="all", variant=name, out=task.out / name / f"seed{seed}", shared=shared, resume=True,
+                sets=(*task.sets, f"train.seed={seed}"),
+            )))  # fmt: skip
+    return found, stands_for
+
+
+def table_text(title: str, rows: Mapping[str, Scores]) -> str:
+    """A table in Markdown, ours beside the paper's (means and deviations of three runs on its two test towns)."""
+    lines = [
+        f"### {title}",
+        "",
+        "| variant | driving score | route completion | less than the whole LAV (95 %) | could be shown "
+        "| paper's score | paper's completion |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, scores in rows.items():
+        paper = VARIANTS[name]
+        beside = "" if math.isnan(scores.difference) else (
+            f"{-scores.difference:.1f} ({-scores.high:.1f} to {-scores.low:.1f})"
+        )  # fmt: skip
+        smallest = f"{scores.smallest:.1f}" if math.isfinite(scores.smallest) else "-"
+        lines.append(
+            f"| {paper.row.partition(': ')[2]} | {_spread(scores.score)} | {_spread(scores.completion)} | {beside} "
+            f"| {smallest} | {paper.score:.2f} | {paper.completion:.2f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _spread(values: Sequence[float]) -> str:
+    mean = f"{np.mean(values):.2f}"
+    return f"{mean} ± {np.std(values, ddof=1):.2f}" if len(values) > 1 else mean
