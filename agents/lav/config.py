@@ -173,7 +173,7 @@ class DriveConfig(Config):
     stuck_held: float = Field(default=60.0, gt=0.0, description="So long where the brake network holds it [s].")
     filtered: bool = Field(default=True, description="Goals as seen from the filter's place, not the newest fix.")
     detection_score: float = Field(default=0.3, ge=0.0, le=1.0, description="Vehicles found with less are left out.")
-    walker_score: float = Field(default=0.45, ge=0.0, le=1.0, description="Walkers; 1: the brake network only.")
+    walker_score: float = Field(default=0.35, ge=0.0, le=1.0, description="Walkers; 1: the brake network only.")
     forecasts: int = Field(default=8, ge=0, description="Vehicles whose motions are foreseen: the nearest ahead.")
     slack: float = Field(default=0.3, ge=0.0, description="Taken off found boxes that stand: they are so far off [m].")
     standing: float = Field(default=0.8, ge=0.0, description="Tracked slower than this, a vehicle stands [m/s].")
