@@ -41,12 +41,12 @@ def test_a_map_that_is_not_turned_is_the_recorded_one_on_the_grid() -> None:
         assert found[3].all()
 
 
-@pytest.mark.parametrize("angle", [0.4, -0.5, math.pi / 2])
-def test_the_map_turns_with_points_and_boxes(angle: float) -> None:
+@pytest.mark.parametrize(("angle", "right"), [(0.4, 0.0), (-0.5, 3.0), (math.pi / 2, -2.0)])
+def test_the_map_moves_and_turns_with_points_and_boxes(angle: float, right: float) -> None:
     layers = np.zeros((5, 320, 320), np.uint8)
     layers[3, 280 - 81 : 280 - 79, 160 + 19 : 160 + 21] = 255  # about (20 ahead, 5 right)
-    found = turned_map(layers, BEV, TINY.grid, angle)
-    place = turned(np.array([20.0, 5.0]), angle)
+    found = turned_map(layers, BEV, TINY.grid, angle, right)
+    place = turned(np.array([20.0, 5.0 - right]), angle)
     row, col = np.argwhere(found[1]).mean(axis=0) + 0.5
     assert TINY.grid.ahead - row * TINY.grid.cell == pytest.approx(place[0], abs=0.4)
     assert col * TINY.grid.cell - TINY.grid.aside == pytest.approx(place[1], abs=0.4)
@@ -75,9 +75,10 @@ def test_points_lie_in_the_boxes_however_the_world_is_turned(recorded: Path) -> 
         for frame in range(data.episodes[episode].frames)
     )
     assert hits > 10
-    for angle in (0.0, 0.5):
-        points = scan_points(data, episode, frame, AROUND, None, angle, None)
-        actors = actors_of(data.table(episode), frame, angle)
+    for angle, aside in ((0.0, 0.0), (0.5, 0.0), (0.5, -3.0)):
+        points = scan_points(data, episode, frame, AROUND, None, angle, None, aside)
+        actors = actors_of(data.table(episode), frame, angle, aside)
+        assert actors.boxes[0, :3].tolist() == [0.0, 0.0, 0.0]
         x, y, heading, length, width = actors.boxes[1 + int(actors.hits[1:].argmax())].astype(float)
         right, backward = points[:, 1] - x, -points[:, 0] - y
         own_x = math.cos(heading) * right + math.sin(heading) * backward
