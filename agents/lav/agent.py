@@ -156,12 +156,17 @@ class LavAgent(Agent):
         speeds = np.hypot(*cars.velocities.T)
         stands = speeds < drive.standing
         boxes[stands] = _unresting(cars.rested[stands], pose)
-        ahead = np.flatnonzero((boxes[:, 1] < 0.0) & (cars.seen >= drive.least_seen))
+        is_seen = (boxes[:, 1] < 0.0) & (cars.seen >= drive.least_seen)
+        is_sure = sight.vehicles.scores.numpy() >= drive.detection_score
+        ahead = np.flatnonzero(is_seen & is_sure)
         nearest = ahead[np.argsort(np.hypot(*boxes[ahead, :2].T), kind="stable")][: drive.forecasts]
         people = self._walkers.update(world_from_planner(walkers[:, :2], *pose))
-        walking = planner_from_world(np.nan_to_num(people.velocities), np.zeros(2), pose.yaw)
         counts = people.seen >= drive.least_seen
-        return Found(boxes[nearest], speeds[nearest], walkers[counts, :2], walking[counts])
+        moves = is_seen & ~is_sure & (speeds > drive.doubtful_speed)  # cyclists; fences stand
+        places = np.concatenate([walkers[counts, :2], boxes[moves, :2]])
+        velocities = np.concatenate([np.nan_to_num(people.velocities[counts]), cars.velocities[moves]])
+        walking = planner_from_world(velocities, np.zeros(2), pose.yaw)
+        return Found(boxes[nearest], speeds[nearest], places, walking)
 
     def signals(self, images: Sequence[NDArray[np.uint8]], readings: Readings, speed: float) -> tuple[bool, float]:
         """Whether to brake at once, and the speed [m/s] that lights and signs ahead allow."""

@@ -174,6 +174,10 @@ class DriveConfig(Config):
     filtered: bool = Field(default=True, description="Goals as seen from the filter's place, not the newest fix.")
     detection_score: float = Field(default=0.3, ge=0.0, le=1.0, description="Vehicles found with less are left out.")
     walker_score: float = Field(default=0.35, ge=0.0, le=1.0, description="Walkers; 1: the brake network only.")
+    doubtful_score: float = Field(
+        default=0.12, ge=0.0, le=1.0, description="Found with more, what moves like somebody is taken for one, too."
+    )
+    doubtful_speed: float = Field(default=1.5, ge=0.0, description="So fast, then [m/s].")
     forecasts: int = Field(default=8, ge=0, description="Vehicles whose motions are foreseen: the nearest ahead.")
     slack: float = Field(default=0.3, ge=0.0, description="Taken off found boxes that stand: they are so far off [m].")
     standing: float = Field(default=0.8, ge=0.0, description="Tracked slower than this, a vehicle stands [m/s].")

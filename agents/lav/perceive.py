@@ -152,9 +152,10 @@ class Perceiver:
             scan = torch.from_numpy(points)
             image = self._student.perception.pillars(scan, torch.zeros(len(scan), dtype=torch.long), 1)
             seen = Seen(*(part.float() for part in self._backbone(image.float())))
+            least = min(drive.detection_score, drive.doubtful_score)
             vehicles, walkers = (
-                decode(seen, self.config.grid, kind, _MOST_FOUND, least)[0]
-                for kind, least in ((VEHICLE, drive.detection_score), (PEDESTRIAN, drive.walker_score))
+                decode(seen, self.config.grid, kind, _MOST_FOUND, score)[0]
+                for kind, score in ((VEHICLE, least), (PEDESTRIAN, drive.walker_score))
             )
         return Sight(seen.features, without_ego(vehicles), walkers, seen.map[0], points)
 

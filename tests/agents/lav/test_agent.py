@@ -17,9 +17,10 @@ from agents.lav.controller import BrakeHold
 from agents.lav.driving import Driver, Forecasts, Outlook, straight_forecasts, vehicle_forecasts
 from agents.lav.localise import Pose
 from agents.lav.models.brake import BrakeNetwork
+from agents.lav.models.detection import Detections
 from agents.lav.models.segmentation import make_segmentation
 from agents.lav.models.student import Student
-from agents.lav.perceive import Perceiver, read_trained
+from agents.lav.perceive import Perceiver, Sight, read_trained
 from agents.lav.scans import Scans
 from agents.lav.weights import Weights, write_weights
 from lavsim.agent import AgentSpec, Track, plan_of
@@ -135,6 +136,25 @@ def test_two_half_sweeps_are_one_scan_and_past_scans_lie_where_they_were() -> No
         found = scans.stacked(np.array([seen], np.float32), pose)
     assert found[:, 4:].tolist() == np.eye(3).tolist()
     assert np.abs(found[:, :2] - found[0, :2]).max() < 1e-5
+
+
+def seen(places: list[list[float]], scores: list[float]) -> Detections:
+    boxes = np.column_stack([places, np.tile([0.0, 2.2, 0.9], (len(places), 1))]) if places else np.zeros((0, 5))
+    return Detections(torch.from_numpy(boxes.astype(np.float32)), torch.tensor(scores))
+
+
+def test_what_moves_like_somebody_is_somebody_even_in_doubt(tmp_path: Path) -> None:
+    agent, here = LavAgent(str(trained(tmp_path))), Pose(np.zeros(2), 0.0)
+    for tick in range(20):
+        crossing = [-6.0 + 0.2 * tick, -12.0]  # at 4 m/s to the right
+        sure, cyclist, fence = [3.0, -8.0], crossing, [5.0, -15.0]
+        vehicles = seen([sure, cyclist, fence, [0.0, 6.0]], [0.6, 0.2, 0.2, 0.6])
+        found = agent.found(Sight(torch.zeros(0), vehicles, seen([[2.0, -5.0]], [0.5]), torch.zeros(0), np.zeros(0)),
+                            here, {"EGO": {"speed": 0.0}})  # fmt: skip
+        assert len(found.vehicles) + len(found.walkers) == 0 or tick >= 2, "nobody counts who was found once"
+    assert found.vehicles[:, :2].tolist() == [pytest.approx(sure)], "nor who is behind"
+    assert found.walkers.tolist() == [pytest.approx([2.0, -5.0]), pytest.approx(crossing)]
+    assert found.walking[1] == pytest.approx([4.0, 0.0], abs=0.5)
 
 
 def test_weights_that_ship_fit_each_other() -> None:
