@@ -20,6 +20,8 @@ PEDESTRIAN, VEHICLE = 0, 1  # channels of the centre head
 NOBODY = -1  # padding among the kinds
 MAP_WEIGHT = 2.0  # of the map's loss beside detection
 MARK_WEIGHTS = (1.0, 4.0, 4.0)  # of a cell with road, a solid or a broken mark, where layers are balanced
+NARROW, NARROW_WEIGHT = 0.45, 4.0  # [m] half width of two-wheelers; what their peaks weigh where kinds are balanced
+_NEAR = 0.05  # height of a bump that belongs to its actor
 _PEAK_REACH = 3  # cells around a peak in which no other stands
 _DOUBT = math.exp(-9.0)  # within three cells of an actor that is not to be judged nothing counts
 _BUMP_REACH = 4  # cells beyond which a bump is below the precision of its height
@@ -33,12 +35,14 @@ class DetectionLabels(NamedTuple):
         weight: (B, 2, H, W) 0 where nothing is known, else 1.
         size: (B, 2, H, W) half length and half width of the nearest actor [cells].
         heading: (B, 2, H, W) cosine and sine of its heading.
+        narrow: (B, 2, H, W) bool, whether a two-wheeler is there.
     """
 
     heat: Tensor
     weight: Tensor
     size: Tensor
     heading: Tensor
+    narrow: Tensor | None = None
 
 
 def detection_labels(
@@ -81,7 +85,9 @@ def detection_labels(
         dim=1,
     )
     drawn = values.gather(2, owner[:, None].expand(-1, 4, -1)).view(frames, 4, grid.rows, grid.cols)
-    return DetectionLabels(heat, 1.0 - doubt.to(bumps.dtype), drawn[:, :2], drawn[:, 2:])
+    narrow = (heat > _NEAR) & (drawn[:, 1:2] < NARROW / grid.cell)
+    narrow[:, PEDESTRIAN] = False
+    return DetectionLabels(heat, 1.0 - doubt.to(bumps.dtype), drawn[:, :2], drawn[:, 2:], narrow)
 
 
 def detection_loss(seen: Seen, labels: DetectionLabels, balanced: bool = False) -> Tensor:
@@ -113,11 +119,13 @@ def _centre_loss(logits: Tensor, labels: DetectionLabels) -> Tensor:
 
 def balanced_centre_loss(logits: Tensor, labels: DetectionLabels) -> Tensor:
     """Each kind by itself, per actor of it: in the original's mean the many empty cells outweigh actors, so that scores
-    stay low for long, and walkers, who are few, are not learnt at all.
+    stay low for long, and walkers, who are few, are not learnt at all. Two-wheelers are few among vehicles.
 
     Source: the quality focal loss (Li et al. 2020, NeurIPS), exponent 2.
     """
     distance = (torch.sigmoid(logits) - labels.heat).detach() ** 2 * labels.weight
+    if labels.narrow is not None:
+        distance = distance * (1.0 + (NARROW_WEIGHT - 1.0) * labels.narrow)
     entropy = functional.binary_cross_entropy_with_logits(logits, labels.heat, reduction="none")
     actors = (labels.heat * labels.weight).sum(dim=(0, 2, 3))
     return ((entropy * distance).sum(dim=(0, 2, 3)) / actors.clamp(min=1.0)).sum()

@@ -183,11 +183,30 @@ def test_balanced_losses_worked_by_hand() -> None:
     heat[0, VEHICLE, 1, 1] = 1.0
     logits[0, VEHICLE, 1, 1] = 0.0
     assert float(balanced_centre_loss(logits, labels)) == pytest.approx(2.0 * alone, rel=1e-5)
+    narrow = torch.zeros_like(heat, dtype=torch.bool)
+    narrow[0, VEHICLE, 1, 1] = True
+    weighed = float(balanced_centre_loss(logits, labels._replace(narrow=narrow)))
+    assert weighed == pytest.approx((1.0 + 4.0) * alone, rel=1e-5), "a two-wheeler weighs four times"
     labels.weight[:] = 0.0
     assert float(balanced_centre_loss(logits, labels)) == 0.0, "nothing counts"
     layers, known = torch.ones(1, 3, 2, 2), torch.tensor([[[1.0, 0.0], [0.0, 0.0]]])
     wanted = 2.0 * math.log(2.0) * (1.0 + 4.0 + 4.0) / 3.0
     assert float(map_loss(torch.zeros(1, 3, 2, 2), layers, known, balanced=True)) == pytest.approx(wanted)
+
+
+def test_two_wheelers_are_told_by_their_width() -> None:
+    config = find_preset("tiny")
+    boxes = torch.tensor([[[0.0, -10.0, 0.0, 0.9, 0.35], [8.0, -10.0, 0.0, 2.4, 1.0], [-8.0, -10.0, 0.0, 0.2, 0.2]]])
+    kinds = torch.tensor([[VEHICLE, VEHICLE, PEDESTRIAN]])
+    labels = detection_labels(boxes, kinds, config.grid, config.backbone)
+    assert labels.narrow is not None
+    near = labels.heat > 0.05
+    rows, cols = torch.nonzero(labels.narrow[0, VEHICLE], as_tuple=True)
+    assert len(rows) > 4
+    assert not labels.narrow[0, PEDESTRIAN].any()
+    place = cols.float().mean() * config.grid.cell - config.grid.aside
+    assert abs(float(place)) < 0.5
+    assert int(near[0, VEHICLE].sum()) > len(rows)
 
 
 def test_tags_become_classes() -> None:
