@@ -187,12 +187,12 @@ class DriveConfig(Config):
     yield_time: float = Field(default=8.0, gt=0.0, description="So long until it does so fully [s].")
     most_yield: float = Field(default=0.4, ge=0.0, description="Margins aside are then smaller by [m].")
     least_seen: int = Field(default=3, ge=1, description="Ticks in which somebody is found before he counts.")
-    light_score: float = Field(default=0.5, ge=0.0, le=1.0, description="Red or yellow is told above.")
-    light_gap: float = Field(default=4.0, description="From its front to a light's line, where it stands [m].")
-    sign_score: float = Field(default=0.5, ge=0.0, le=1.0, description="A stop sign is told above.")
+    light_score: float = Field(default=0.6, ge=0.0, le=1.0, description="Red or yellow is told above.")
+    light_gap: float = Field(default=4.5, description="From its front to a light's line, where it stands [m].")
+    sign_score: float = Field(default=0.2, ge=0.0, le=1.0, description="A stop sign is told above.")
     sign_gap: float = Field(default=2.0, description="The same before a stop sign [m].")
     others_score: float = Field(
-        default=0.8, ge=0.0, le=1.0, description="Brakes while it drives where others are told above; 1: never."
+        default=0.5, ge=0.0, le=1.0, description="Brakes while it drives where others are told above; 1: never."
     )
 
 

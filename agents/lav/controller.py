@@ -119,11 +119,16 @@ class Impatience:
         self._config = config
         self._stood = 0.0  # [s]
 
-    def step(self, speed: float) -> float:
-        """What margins are smaller by [m], at this tick."""
+    def step(self, speed: float, helps: bool) -> float:
+        """What margins are smaller by [m], at this tick.
+
+        Args:
+            speed: Of the ego [m/s].
+            helps: Whether the smallest margins would free its way; behind a queue they do not.
+        """
         config = self._config
         if speed < _CRAWLS:
-            self._stood = min(self._stood + DT, config.patience + config.yield_time)
+            self._stood = min(self._stood + helps * DT, config.patience + config.yield_time)
         else:
             self._stood = max(self._stood - speed * DT / _FORGETS, 0.0)
         share = max(self._stood - config.patience, 0.0) / config.yield_time

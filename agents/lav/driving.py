@@ -150,7 +150,7 @@ class Driver:
             is_held: Whether a network that may err brakes.
             allowed: Speed that lights and signs ahead allow [m/s].
         """
-        self._less = self._impatience.step(speed)
+        self._less = self._impatience.step(speed, self._is_narrow(plan, others))
         hits = {kind: self._hit(plan, each) for kind, each in others.items()}
         self._in_way = {kind: np.flatnonzero(hit.any(axis=1)) for kind, hit in hits.items()}
         room = min((room_before(plan, np.asarray(hit.any(axis=0))) for hit in hits.values()), default=math.inf)
@@ -177,9 +177,18 @@ class Driver:
             "held": scalar(float(self._is_held)),
         }
 
-    def _hit(self, plan: Floats, others: Forecasts) -> NDArray[np.bool_]:
+    def _is_narrow(self, plan: Floats, others: Mapping[str, Forecasts]) -> bool:
+        """Whether somebody beside the plan is in the way, and nobody on it."""
+        wide, narrow = (
+            any(self._hit(plan, each, less).any() for each in others.values())
+            for less in (0.0, self._config.most_yield)
+        )
+        return wide and not narrow
+
+    def _hit(self, plan: Floats, others: Forecasts, less: float | None = None) -> NDArray[np.bool_]:
         boxes = np.concatenate([self._box[None], others.boxes])
-        return touched(plan, others.paths, others.likelihood, boxes, self._config, self._less)
+        least = self._less if less is None else less
+        return touched(plan, others.paths, others.likelihood, boxes, self._config, least)
 
 
 def drawings_of(outlook: Outlook, config: DriveConfig) -> dict[str, Drawing]:

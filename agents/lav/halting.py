@@ -24,6 +24,7 @@ _FOLLOWS = 0.2  # weight of a new distance against the one carried along
 _LOOKS = 3  # of the network, whose median counts
 _SIGN_NEAR = 15.0  # [m] signs farther away are not stopped for yet
 _SIGN_STAND, _SIGN_GONE = 1.0, 2.0  # [s] to stand; not seen for so long, a sign is another one
+_OVER_LINE = 2.0  # [m]
 _HARD = 4.0  # [m/s²] braking for a yellow light harder than this is worse than to drive on
 
 
@@ -72,7 +73,7 @@ class Signals:
         self._halts: deque[float] = deque([0.0] * _LOOKS, maxlen=_LOOKS)
         self._signs: deque[float] = deque([0.0] * _LOOKS, maxlen=_LOOKS)
         self._light, self._sign = Line(), Line()
-        self._passes = False  # a yellow light, too near to stop
+        self._passes = False  # a yellow light too near to stop, or a line that lies behind
         self._stood, self._unseen, self._is_done = 0, 0, False
 
     def step(self, told: Told, is_new: bool, speed: float) -> float:
@@ -98,6 +99,7 @@ class Signals:
         distance = self._light.update(told.distance, told.red + told.yellow > config.light_score, speed * DT)
         if told.yellow > told.red:
             self._passes |= speed * speed > 2.0 * _HARD * max(distance, 0.0)
+        self._passes |= distance < -_OVER_LINE  # past it, lights told are those opposite
         if self._passes:
             return FREE
         return allowed_speed(distance - config.light_gap, config)

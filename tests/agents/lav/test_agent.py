@@ -101,6 +101,15 @@ def test_who_stands_is_not_foreseen_to_pull_out() -> None:
         assert (driver().step(AHEAD, {"vehicle": others}, 6.0, 3).brake == 0.0) == stands
 
 
+@pytest.mark.parametrize(("x", "y", "passes"), [(1.95, -4.0, True), (0.2, -6.0, False)])
+def test_it_passes_who_stands_beside_its_way_in_time_and_nobody_on_it(x: float, y: float, passes: bool) -> None:
+    car = Forecasts(np.tile([x, y], (1, 6, 10, 1)).astype(float), np.ones((1, 6)), np.array([[0.0, 2.2, 0.9]]))
+    waits = driver()
+    controls = [waits.step(AHEAD, {"vehicle": car}, 0.0, 3) for _ in range(180)]
+    assert controls[0] == Control(brake=1.0)
+    assert (controls[-1].throttle > 0.0) == passes
+
+
 def test_it_creeps_later_where_the_brake_network_holds_it() -> None:
     for is_held, patience in ((False, 200), (True, 1200)):
         stuck = driver()

@@ -144,13 +144,13 @@ def test_a_parked_car_beside_the_way_is_no_obstacle_and_one_on_it_is() -> None:
 
 def test_the_longer_it_stands_the_more_narrowly_it_passes() -> None:
     impatience = Impatience(CONFIG)
-    assert impatience.step(0.0) == 0.0
-    stood = [impatience.step(0.0) for _ in range(round((CONFIG.patience + CONFIG.yield_time) / 0.05))]
+    assert impatience.step(0.0, True) == 0.0
+    stood = [impatience.step(0.0, True) for _ in range(round((CONFIG.patience + CONFIG.yield_time) / 0.05))]
     assert stood[round(CONFIG.patience / 0.05) - 2] == 0.0
     assert stood[-1] == pytest.approx(CONFIG.most_yield)
-    past = [impatience.step(1.5) for _ in range(20)]
+    past = [impatience.step(1.5, True) for _ in range(20)]
     assert past[-1] > 0.5 * CONFIG.most_yield, "a metre and a half on, it still passes narrowly"
-    assert [impatience.step(5.0) for _ in range(40)][-1] == 0.0
+    assert [impatience.step(5.0, True) for _ in range(40)][-1] == 0.0
     parked = np.tile([1.8, -4.0], (1, 6, 10, 1)).astype(float)
     boxes = np.array([(0.0, *CAR), (0.0, *CAR)])
     for less, hit in ((0.0, True), (0.4, False)):

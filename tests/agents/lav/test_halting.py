@@ -38,7 +38,7 @@ def approach(signals: Signals, told: Told, distance: float, speed: float, ticks:
 def test_it_stands_before_the_line_of_a_red_light_and_leaves_at_green() -> None:
     signals = Signals(CONFIG)
     distance, speed = approach(signals, RED, 40.0, 8.0)
-    assert 3.0 < distance < 6.0
+    assert 3.0 < distance < 6.5
     assert speed < 0.3
     assert run(signals, GREEN, 0.0, 3)[-1] == FREE
 
@@ -57,6 +57,12 @@ def test_a_yellow_light_too_near_is_passed(distance: float, passes: bool) -> Non
     yellow = Told(0.9, yellow=0.9, distance=distance, tells_causes=True)
     assert (run(signals, yellow, 8.0, 5)[-1] == FREE) == passes
     assert (run(signals, RED._replace(distance=distance), 8.0, 1)[-1] == FREE) == passes, "it has decided"
+
+
+def test_a_light_whose_line_lies_behind_holds_no_more() -> None:
+    signals = Signals(CONFIG)
+    assert run(signals, RED._replace(distance=1.0), 0.0, 40)[-1] == 0.0
+    assert run(signals, RED._replace(distance=-4.0), 0.0, 40)[-1] == FREE
 
 
 def test_it_stands_once_before_a_stop_sign() -> None:
