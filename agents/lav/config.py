@@ -188,7 +188,9 @@ class DriveConfig(Config):
     most_yield: float = Field(default=0.4, ge=0.0, description="Margins aside are then smaller by [m].")
     least_seen: int = Field(default=3, ge=1, description="Ticks in which somebody is found before he counts.")
     light_score: float = Field(default=0.6, ge=0.0, le=1.0, description="Red or yellow is told above.")
-    light_gap: float = Field(default=4.5, description="From its front to a light's line, where it stands [m].")
+    light_gap: float = Field(
+        default=7.0, description="From its front to the end of a light's lane [m]; it is painted 5 m before."
+    )
     sign_score: float = Field(default=0.2, ge=0.0, le=1.0, description="A stop sign is told above.")
     sign_gap: float = Field(default=2.0, description="The same before a stop sign [m].")
     others_score: float = Field(

@@ -38,7 +38,7 @@ def approach(signals: Signals, told: Told, distance: float, speed: float, ticks:
 def test_it_stands_before_the_line_of_a_red_light_and_leaves_at_green() -> None:
     signals = Signals(CONFIG)
     distance, speed = approach(signals, RED, 40.0, 8.0)
-    assert 3.0 < distance < 6.5
+    assert 6.0 < distance < 9.0
     assert speed < 0.3
     assert run(signals, GREEN, 0.0, 3)[-1] == FREE
 
