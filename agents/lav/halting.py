@@ -20,7 +20,8 @@ Floats = NDArray[np.float64]
 
 FREE = math.inf  # [m/s] nothing holds
 _STANDS = 0.1  # [m/s]
-_FOLLOWS = 0.2  # weight of a new distance against the one carried along
+_FAR = 18.0  # [m]
+_AVERAGED, _FIRST_LOOKS = 8.0, 0.5  # [m] driven over which distances are averaged; what looks at first weigh
 _LOOKS = 3  # of the network, whose median counts
 _SIGN_NEAR = 15.0  # [m] signs farther away are not stopped for yet
 _SIGN_STAND, _SIGN_GONE = 1.0, 2.0  # [s] to stand; not seen for so long, a sign is another one
@@ -49,15 +50,25 @@ class Told(NamedTuple):
 
 
 class Line:
-    """How far the line ahead is: what the network says, smoothed, and carried along as the ego drives."""
+    """How far the line ahead is: the mean of what was told over the last metres, carried along as the ego drives.
+
+    Far lines are told too near, near ones too far, by some metres each. So looks from afar do not count on, and looks
+    from the same place add nothing: an ego that stands would creep over the line.
+    """
 
     def __init__(self) -> None:
         self._distance: float | None = None
+        self._driven = 0.0  # [m] since it is told
 
     def update(self, distance: float, is_told: bool, moved: float) -> float:
         """The distance [m] now, of that told now, if it is, and the way since the last tick [m]."""
-        carried = distance if self._distance is None else self._distance - moved
-        self._distance = carried + _FOLLOWS * is_told * (distance - carried)
+        if self._distance is None or (is_told and distance > _FAR):
+            self._distance, self._driven = distance, _FIRST_LOOKS
+            return distance
+        weight = max(moved, _FIRST_LOOKS / 25.0 if self._driven < 2.0 * _FIRST_LOOKS else 0.0)
+        self._driven = min(self._driven + weight, _AVERAGED)
+        self._distance -= moved
+        self._distance += is_told * weight / self._driven * (distance - self._distance)
         return self._distance
 
     def forget(self) -> None:

@@ -62,7 +62,9 @@ def test_a_yellow_light_too_near_is_passed(distance: float, passes: bool) -> Non
 def test_a_light_whose_line_lies_behind_holds_no_more() -> None:
     signals = Signals(CONFIG)
     assert run(signals, RED._replace(distance=1.0), 0.0, 40)[-1] == 0.0
-    assert run(signals, RED._replace(distance=-4.0), 0.0, 40)[-1] == FREE
+    allowed = [signals.step(RED._replace(distance=1.0 - 0.2 * tick), True, 4.0) for tick in range(20)]
+    assert allowed[10] == 0.0
+    assert allowed[-1] == FREE
 
 
 def test_it_stands_once_before_a_stop_sign() -> None:
@@ -77,9 +79,16 @@ def test_it_stands_once_before_a_stop_sign() -> None:
 
 def test_distances_are_smoothed_and_carried_along() -> None:
     line, rng = Line(), np.random.default_rng(0)
-    found = [line.update(30.0 - 0.4 * tick + rng.normal(0.0, 2.0), True, 0.4 * (tick > 0)) for tick in range(60)]
-    errors = np.array(found) - (30.0 - 0.4 * np.arange(60))
+    found = [line.update(17.0 - 0.2 * tick + rng.normal(0.0, 1.5), True, 0.2 * (tick > 0)) for tick in range(60)]
+    errors = np.array(found) - (17.0 - 0.2 * np.arange(60))
     assert np.abs(errors[20:]).mean() < 0.9
+
+
+def test_an_ego_that_stands_does_not_creep_on_distances_told_too_far() -> None:
+    signals = Signals(CONFIG)
+    distance, _ = approach(signals, RED, 30.0, 8.0)
+    for _ in range(400):
+        assert signals.step(RED._replace(distance=distance + 5.0), True, 0.0) == 0.0
 
 
 def test_room_is_the_way_to_the_last_free_waypoint() -> None:
