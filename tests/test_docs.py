@@ -8,11 +8,13 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 import typer
@@ -144,6 +146,39 @@ def test_listings_run(capsys: pytest.CaptureFixture[str]) -> None:
         assert main(shlex.split(command)[1:]) == 0, command
         said = capsys.readouterr().out
         assert json.loads(said) if command.endswith("--json") else said.strip() == lavsim.__version__, command
+
+
+def test_no_line_of_a_block_is_left_out() -> None:
+    """What is neither checked as a command nor compiled must say that it is only `text`."""
+    others = {"python", "make", "pip", ".", "mkdir"}
+    for block in ALL_BLOCKS:
+        if block.language in ("python", "xml", "toml", "text"):
+            continue
+        assert block.language in ("", "bash"), f"{block.place}: who checks {block.language!r}?"
+        for line in block.text.replace("\\\n", " ").splitlines():
+            words = [word for word in line.split() if not re.fullmatch(r"[A-Z_]+=\S+", word)]
+            assert not words or words[0] in {"lavsim", *others}, f"{block.place}: {line}"
+
+
+def test_scripts_modules_and_targets_exist() -> None:
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for name in re.findall(r"\bpython ([\w/]+\.py)\b", text):
+            assert (ROOT / name).is_file() or name == "my_agent.py", f"{page.name}: {name}"
+        for name in re.findall(r"\bpython -m ((?:benchmarks|examples|lavsim)[\w.]*)", text):
+            path = ROOT / name.rstrip(".").replace(".", "/")
+            assert path.with_suffix(".py").is_file() or path.is_dir(), f"{page.name}: python -m {name}"
+        for name in re.findall(r"^make ([\w-]+)|`make ([\w-]+)`", text, re.M):
+            assert "".join(name) in targets, f"{page.name}: make {name}"
+
+
+def test_xml_and_toml_are_well_formed() -> None:
+    for block in ALL_BLOCKS:
+        if block.language == "xml":
+            ElementTree.fromstring(block.text)
+        elif block.language == "toml":
+            tomllib.loads(block.text)
 
 
 def test_python_compiles() -> None:

@@ -115,7 +115,7 @@ class Stage:
 class Scenario(ABC):
     """One hazard of a route.
 
-    Class attributes:
+    Attributes:
         Config: Frozen dataclass of its parameters.
         appears_at_trigger: Whether `place` is called when the ego sets it off instead of when it comes near.
         starts_route: Whether it has to be set off where the route starts.
