@@ -23,7 +23,7 @@ _CRAWLS = 0.5  # [m/s]
 _FORGETS = 0.5  # [m] driven that make up for a second of standing
 _LEAST_AIM = 3.0  # [m] the wheel is not turned for nearer waypoints
 _ALLOWED_GAIN = 0.5  # brakes for a metre per second more than allowed
-_ALLOWED_SLACK = 0.7  # [m/s] below what is allowed it speeds up no more
+ALLOWED_SLACK = 0.7  # [m/s] below what is allowed it speeds up no more
 _STEP = 0.15  # [m] between waypoints below which a path has no direction
 STOP = Control(brake=1.0)
 
@@ -63,7 +63,7 @@ class Controller:
         if not np.isfinite(plan).all():
             return STOP
         planned = planned_speed(plan) * config.speed_ratio[command]
-        wanted = min(planned, max(allowed - _ALLOWED_SLACK, 0.0))
+        wanted = min(planned, max(allowed - ALLOWED_SLACK, 0.0))
         angle = aim_angle(plan, config.aim[command])
         steer = min(max(self._steering.step(angle / (math.pi / 2.0)), -1.0), 1.0)
         error = min(max(wanted - speed, 0.0), config.error_clip)

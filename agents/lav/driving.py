@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from agents.lav.config import COMMANDS, TIME_STEP, DriveConfig
-from agents.lav.controller import STOP, Controller, Impatience, StuckCounter, creep_path, planned_speed, touched
+from agents.lav.controller import (
+    ALLOWED_SLACK,
+    STOP,
+    Controller,
+    Impatience,
+    StuckCounter,
+    creep_path,
+    planned_speed,
+    touched,
+)
 from agents.lav.frames import planner_from_vehicle, vehicle_from_planner
 from agents.lav.halting import FREE, allowed_speed, room_before
 from agents.lav.models.crop import to_planner
@@ -154,7 +163,7 @@ class Driver:
         hits = {kind: self._hit(plan, each) for kind, each in others.items()}
         self._in_way = {kind: np.flatnonzero(hit.any(axis=1)) for kind, hit in hits.items()}
         room = min((room_before(plan, np.asarray(hit.any(axis=0))) for hit in hits.values()), default=math.inf)
-        is_told = is_held or allowed < self._config.stop_below
+        is_told = is_held or allowed < self._config.stop_below + ALLOWED_SLACK  # what it stands for
         self._others, self._is_held = others, is_told
         before = 0.0 if is_held else allowed_speed(room - self._config.room, self._config)
         control = self._controller.follow(plan, speed, command, min(allowed, before))

@@ -110,6 +110,13 @@ def test_it_passes_who_stands_beside_its_way_in_time_and_nobody_on_it(x: float, 
     assert (controls[-1].throttle > 0.0) == passes
 
 
+@pytest.mark.parametrize("allowed", [0.0, 1.4])
+def test_nobody_creeps_who_stands_for_a_light(allowed: float) -> None:
+    waits = driver()
+    controls = [waits.step(AHEAD, {}, 0.0, 3, allowed=allowed) for _ in range(600)]
+    assert all(control == Control(brake=1.0) for control in controls)
+
+
 def test_it_creeps_later_where_the_brake_network_holds_it() -> None:
     for is_held, patience in ((False, 200), (True, 1200)):
         stuck = driver()
