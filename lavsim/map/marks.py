@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ def mark_lines(section: SectionShape, lane_id: int, marks: Sequence[RoadMark]) -
 def _stretches(section: SectionShape, marks: Sequence[RoadMark]) -> list[tuple[float, float, RoadMark]]:
     """(s of its start, s of its end, mark); equal neighbours are one, or dashes would begin anew between them."""
     stretches: list[tuple[float, float, RoadMark]] = []
-    for mark, following in zip(marks, (*marks[1:], None), strict=True):
+    for mark, following in zip_longest(marks, marks[1:]):  # the last one has none, and there may be no mark at all
         low = section.start + mark.s
         high = section.end if following is None else min(section.start + following.s, section.end)
         if high - low < SHORTEST:
