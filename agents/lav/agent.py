@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -28,13 +28,13 @@ from agents.lav.driving import (
     straight_forecasts,
     vehicle_forecasts,
 )  # fmt: skip
-from agents.lav.frames import command_of, planner_from_world, vehicle_from_planner, world_from_planner
+from agents.lav.frames import command_of, vehicle_from_planner
 from agents.lav.halting import FREE, Signals, Told
 from agents.lav.localise import EgoFilter, Pose
 from agents.lav.models.detection import Detections
+from agents.lav.others import Found, Others
 from agents.lav.perceive import CAMERAS, LIDAR, SUITE, TELEPHOTO, Perceiver, Sight, read_trained
 from agents.lav.scans import Scans
-from agents.lav.tracking import Tracker
 from lavsim.agent import Agent, Track
 from lavsim.config import Config, read_config
 from lavsim.drawings import Drawing, boxes, points, raster, scalar
@@ -45,7 +45,6 @@ Floats = NDArray[np.float64]
 Readings = Mapping[str, Any]
 
 _HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
-_RESTING = 6  # numbers of a box that stands
 _SHOWN_SCORE, _SHOWN_LEVELS = 0.3, 8  # of a painted point; of the map, whose few levels pack well
 _PAINTED = {"painted vehicle": 3, "painted walker": 0}  # among a point's scores
 
@@ -73,22 +72,6 @@ def read_settings(path: str | None) -> LavSettings:
     return LavSettings(weights=path or "")
 
 
-class Found(NamedTuple):
-    """Who is there, in the planner frame.
-
-    Attributes:
-        vehicles: (N, 5) boxes of the nearest ahead: x, y, heading, half length, half width [m, rad].
-        speeds: (N,) [m/s], not a number where they are not known.
-        walkers: (M, 2) [m].
-        walking: (M, 2) their velocities [m/s].
-    """
-
-    vehicles: Floats
-    speeds: Floats
-    walkers: Floats
-    walking: Floats
-
-
 class LavAgent(Agent):
     """The student behind the wheel.
 
@@ -107,7 +90,7 @@ class LavAgent(Agent):
         self.config = self._eyes.config
         self._driver, self._hold = Driver(self.config.drive, _HALF_SIZE), BrakeHold(self.config.drive)
         self._place, self._scans = EgoFilter(), Scans(self.config)
-        self._vehicles, self._walkers = Tracker(_RESTING), Tracker()
+        self._others = Others(self.config.drive)
         self._guide: Guide | None = None
         self._tick, self._steer, self._told = 0, 0.0, Told(0.0)
         self._signals = Signals(self.config.drive)
@@ -150,23 +133,7 @@ class LavAgent(Agent):
 
     def found(self, sight: Sight, pose: Pose, readings: Readings) -> Found:
         """Who is taken to be there: what is seen, with speeds from where it was seen before."""
-        drive, moved = self.config.drive, speed_of(readings) * DT
-        boxes, walkers = (part.boxes.numpy().astype(np.float64) for part in (sight.vehicles, sight.walkers))
-        cars = self._vehicles.update(_resting(boxes, pose), moved)
-        speeds = np.hypot(*cars.velocities.T)
-        stands = speeds < drive.standing
-        boxes[stands] = _unresting(cars.rested[stands], pose)
-        is_seen = (boxes[:, 1] < 0.0) & (cars.seen >= drive.least_seen)
-        is_sure = sight.vehicles.scores.numpy() >= drive.detection_score
-        ahead = np.flatnonzero(is_seen & is_sure)
-        nearest = ahead[np.argsort(np.hypot(*boxes[ahead, :2].T), kind="stable")][: drive.forecasts]
-        people = self._walkers.update(world_from_planner(walkers[:, :2], *pose))
-        counts = people.seen >= drive.least_seen
-        moves = is_seen & ~is_sure & (speeds > drive.doubtful_speed)  # cyclists; fences stand
-        places = np.concatenate([walkers[counts, :2], boxes[moves, :2]])
-        velocities = np.concatenate([np.nan_to_num(people.velocities[counts]), cars.velocities[moves]])
-        walking = planner_from_world(velocities, np.zeros(2), pose.yaw)
-        return Found(boxes[nearest], speeds[nearest], places, walking)
+        return self._others.update(sight.vehicles, sight.walkers, pose, speed_of(readings) * DT)
 
     def signals(self, images: Sequence[NDArray[np.uint8]], readings: Readings, speed: float) -> tuple[bool, float]:
         """Whether to brake at once, and the speed [m/s] that lights and signs ahead allow."""
@@ -225,19 +192,6 @@ class LavAgent(Agent):
 def speed_of(readings: Readings) -> float:
     """Of the ego [m/s]; noise can make it negative."""
     return max(float(readings["EGO"]["speed"]), 0.0)
-
-
-def _resting(boxes: Floats, pose: Pose) -> Floats:
-    """(N, 6) of boxes (N, 5) what can be averaged in the frame that stands still: a box found the other way round is
-    the same box."""
-    axis = 2.0 * (boxes[:, 2] + pose.yaw)
-    return np.column_stack([world_from_planner(boxes[:, :2], *pose), np.cos(axis), np.sin(axis), boxes[:, 3:]])
-
-
-def _unresting(means: Floats, pose: Pose) -> Floats:
-    """The inverse of `_resting`."""
-    heading = np.arctan2(means[:, 3], means[:, 2]) / 2.0 - pose.yaw
-    return np.column_stack([planner_from_world(means[:, :2], *pose), heading, means[:, 4:]])
 
 
 def _drawn_boxes(found: Detections) -> Drawing:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from agents.behavior.path import PathTracker, path_of_plan
 from agents.behavior.road import stop_points
-from agents.lav.agent import Found, LavAgent, LavSettings, Readings
+from agents.lav.agent import LavAgent, LavSettings, Readings
 from agents.lav.config import TIME_STEP
 from agents.lav.driving import Outlook
 from agents.lav.halting import FREE
 from agents.lav.localise import Pose
+from agents.lav.others import Found
 from agents.lav.perceive import Sight
 from agents.lav.privileged import PrivilegedLavAgent, bev_sensor
 from agents.lav.told import StopLines, told_vehicles, told_walkers

@@ -169,8 +169,8 @@ def test_what_moves_like_somebody_is_somebody_even_in_doubt(tmp_path: Path) -> N
                             here, {"EGO": {"speed": 0.0}})  # fmt: skip
         assert len(found.vehicles) + len(found.walkers) == 0 or tick >= 2, "nobody counts who was found once"
     assert found.vehicles[:, :2].tolist() == [pytest.approx(sure)], "nor who is behind"
-    assert found.walkers.tolist() == [pytest.approx([2.0, -5.0]), pytest.approx(crossing)]
-    assert found.walking[1] == pytest.approx([4.0, 0.0], abs=0.5)
+    assert found.walkers.tolist() == [pytest.approx(crossing), pytest.approx([2.0, -5.0])]
+    assert found.walking[0] == pytest.approx([4.0, 0.0], abs=0.5)
 
 
 def test_weights_that_ship_fit_each_other() -> None:

@@ -1,0 +1,56 @@
+"""Who is there, out of detections of both kinds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
+
+from agents.lav.config import DriveConfig
+from agents.lav.localise import Pose
+from agents.lav.models.detection import Detections
+from agents.lav.others import Found, Others
+from lavsim.types import DT
+
+HERE = Pose(np.zeros(2), 0.0)
+WALKER, CAR = (0.2, 0.2), (2.2, 0.9)  # half lengths and half widths
+
+
+def seen(*rows: tuple[tuple[float, float], tuple[float, float], float]) -> Detections:
+    """Detections of places, half sizes and scores."""
+    boxes = np.array([[*place, 0.0, *size] for place, size, _ in rows], np.float32).reshape(-1, 5)
+    return Detections(torch.from_numpy(boxes), torch.tensor([score for *_, score in rows]))
+
+
+def step_out(kinds: str, ticks: int = 30) -> Found:
+    """What is known of a walker at 1.6 m/s who is found as `kinds` say, one letter a tick, again and again."""
+    others = Others(DriveConfig())
+    for tick in range(ticks):
+        here = ((4.0 - 1.6 * DT * tick, -12.0), WALKER, 0.6)
+        is_walker = kinds[tick % len(kinds)] == "w"
+        found = others.update(seen(*[] if is_walker else [here]), seen(*[here] if is_walker else []), HERE, 0.0)
+    return found
+
+
+@pytest.mark.parametrize("kinds", ["w", "wv", "wwv", "v"])
+def test_a_walker_has_one_speed_whatever_it_is_found_as(kinds: str) -> None:
+    found = step_out(kinds)
+    assert len(found.vehicles) == 0
+    assert found.walkers == pytest.approx(np.array([[4.0 - 1.6 * DT * 29, -12.0]]), abs=1e-5)
+    assert found.walking == pytest.approx(np.array([[-1.6, 0.0]]), abs=0.3)
+
+
+@pytest.mark.parametrize(("as_vehicle", "as_walker", "walkers"), [(0.4, 0.9, 1), (0.9, 0.4, 0)])
+def test_who_is_found_as_both_is_the_surer(as_vehicle: float, as_walker: float, walkers: int) -> None:
+    others = Others(DriveConfig())
+    for _ in range(5):
+        found = others.update(seen(((3.0, -10.0), CAR, as_vehicle)), seen(((3.4, -10.2), WALKER, as_walker)), HERE, 0.0)
+    assert (len(found.walkers), len(found.vehicles)) == (walkers, 1 - walkers)
+
+
+def test_a_walker_beside_a_car_is_somebody_else() -> None:
+    others = Others(DriveConfig())
+    for _ in range(5):
+        found = others.update(seen(((3.0, -10.0), CAR, 0.9)), seen(((1.5, -10.0), WALKER, 0.6)), HERE, 0.0)
+    assert (len(found.walkers), len(found.vehicles)) == (1, 1)
