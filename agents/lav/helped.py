@@ -47,8 +47,7 @@ class HelpedSettings(LavSettings):
 
 
 class HelpedLavAgent(PrivilegedAgent, LavAgent):
-    """LAV whose brake network is the truth about lights and signs, whose detections are who is there, or whose plan is
-    the teacher's on true labels; any of them."""
+    """LAV with its brake network, detections or plan replaced by the truth, as its configuration says."""
 
     radius = 60.0
 
