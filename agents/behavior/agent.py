@@ -39,6 +39,7 @@ FIRM_BRAKING = 5.0  # [m/s²] where that suffices it counts on a short yellow
 YELLOW, SHORT_YELLOW = 3.0, 2.0  # [s] CARLA's yellow, and that of hazards which set the lights
 REAR_OVER = 0.3  # [m] that its rear may still have before a stop line for the line to count as crossed
 CRAWLS = 2.0  # [m/s]
+NOSE_OVER = 1.5  # [m] over a line at which it can stand in nobody's way: it then counts on a short yellow
 OVER_LINE = 2.5  # [m] over a stop line at which it still stops for red: the rear decides
 AT_REST = 0.05  # [m/s] below the 0.1 that counts as stopped
 SIGN_REACH = 2.5  # [m] before the end of its lane a stop counts for a stop sign, by the stricter rules of 2.x
@@ -219,7 +220,8 @@ class Expert:
                 if number not in self._goes and self._crosses_at_yellow(ego, room, since):
                     self._goes.add(number)
                 could_stop = ego.speed < CRAWLS or ego.speed**2 < 2.0 * HELD_UP_BRAKING * (room - LINE_GAP)
-                if could_stop and self._time_to_clear(ego, room) > YELLOW - since - 0.3:
+                lasts = SHORT_YELLOW if room > -NOSE_OVER else YELLOW
+                if could_stop and self._time_to_clear(ego, room) > lasts - since - 0.3:
                     self._goes.discard(number)  # somebody held it up: its rear would still be on the line at red
                 if number in self._goes:
                     continue

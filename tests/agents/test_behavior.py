@@ -289,6 +289,16 @@ def test_who_was_held_up_on_the_line_leaves_it_at_yellow_only_if_there_is_time(s
     assert made._lights(ego._replace(s=66.0), [LightState.RED]) == math.inf, "now it has"
 
 
+@pytest.mark.parametrize(("over", "waits"), [(0.2, True), (2.5, False)])
+def test_who_crawls_over_the_line_as_it_turns_yellow_stops_while_it_stands_in_nobody_s_way(
+    over: float, waits: bool
+) -> None:
+    made = expert(stop=60.0)
+    ego = Ego(60.0 + over - LENGTH / 2.0, 0.0, 0.0, 0.0, 1.8, 8.0, LENGTH / 2.0, 0.95)
+    made._time = 10.0
+    assert (made._lights(ego, [LightState.YELLOW]) < 0.0) == waits
+
+
 def test_standing_vehicle_is_stopped_for() -> None:
     road = Road(expert(), [Other(60.0, 0.2)], speed=12.0).drive(15.0)
     assert road.speed == 0.0
