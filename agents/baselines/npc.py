@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.baselines.route_agent import Pose, RouteAgent
+from agents.baselines.route_agent import Pose, RouteAgent, obstacles
 from agents.behavior.manner import Manner
 from agents.behavior.path import STEP
 from agents.behavior.road import limits_along, stop_points
@@ -52,7 +52,7 @@ class NpcDriver(RouteAgent):
         """Gap to what covers the path first [m], and its speed along it [m/s]."""
         start = max(int(pose.s / STEP), 0)
         stop = min(start + int(LOOK / STEP), len(self.path))
-        others = np.flatnonzero(np.abs(truth["xyz"][1:, 2] - truth["xyz"][0, 2]) < 3.0) + 1
+        others = obstacles(truth)
         if not len(others) or stop - start < 2:
             return 1e3, pose.speed
         yaw, velocity = truth["yaw"][others], truth["velocities"][others, :2]

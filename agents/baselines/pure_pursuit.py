@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.baselines.route_agent import Pose, RouteAgent
+from agents.baselines.route_agent import Pose, RouteAgent, obstacles
 from agents.behavior.control import pedals
 from agents.behavior.manner import Manner
 from agents.behavior.path import STEP
@@ -56,14 +56,11 @@ class PurePursuit(RouteAgent):
 
     def _room_to_others(self, pose: Pose, truth: Mapping[str, Any]) -> float:
         """Way left before the next actor whose centre is near the path [m]."""
-        if len(truth["xyz"]) < 2:
-            return math.inf
         start = max(int(pose.s / STEP), 0)
         window = self.path.xy[start : start + int(LOOK / STEP)]
-        others, sizes = truth["xyz"][1:], truth["sizes"][1:]
-        level = np.abs(others[:, 2] - truth["xyz"][0, 2]) < 3.0
-        gap = np.linalg.norm(window[None] - others[:, None, :2], axis=2)
-        in_way = level[:, None] & (gap < HALF_LANE + sizes[:, 1:2] / 2.0)
+        rows = obstacles(truth)
+        gap = np.linalg.norm(window[None] - truth["xyz"][rows, None, :2], axis=2)
+        in_way = gap < HALF_LANE + truth["sizes"][rows, 1:2] / 2.0
         if not in_way.any():
             return math.inf
         nearest = int(np.argmax(in_way.any(axis=0)))

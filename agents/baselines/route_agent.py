@@ -7,11 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from agents.behavior.control import Controller
 from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
 from agents.privileged import PrivilegedAgent
 from lavsim.map.town_map import TownMap, load_town
 from lavsim.types import Control
+
+LEVEL = 3.0  # [m] above or below the ego somebody is on another road
+FLAT = 0.3  # [m] things lower than that are driven over, as background traffic does
 
 
 @dataclass(frozen=True)
@@ -23,6 +29,12 @@ class Pose:
     yaw: float
     speed: float
     half_length: float
+
+
+def obstacles(truth: Mapping[str, Any]) -> NDArray[np.int64]:
+    """Rows of who and what could be run into: on the ego's level, and too high to be driven over."""
+    is_level = np.abs(truth["xyz"][1:, 2] - truth["xyz"][0, 2]) < LEVEL
+    return np.flatnonzero(is_level & (truth["sizes"][1:, 2] >= FLAT)) + 1
 
 
 class RouteAgent(PrivilegedAgent):

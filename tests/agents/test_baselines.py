@@ -31,12 +31,14 @@ def made(name: str, config: str | None = None) -> InProcessAgent:
     return InProcessAgent(getattr(importlib.import_module(f"agents.baselines.{module}"), kind), config)
 
 
-def driven(name: str, ticks: int, block: float | None = None, **changes: Any) -> list[Any]:
-    """Snapshots of a drive along the straight route; a car stands on it after `block` metres."""
+def driven(
+    name: str, ticks: int, block: float | None = None, thing: str = "vehicle.audi.tt", **changes: Any
+) -> list[Any]:
+    """Snapshots of a drive along the straight route; a car, or another thing, stands on it after `block` metres."""
     simulation = Simulation(straight_drive(**changes))
     if block is not None:
         place = simulation.town.centre(np.array([long_lane()]), np.array([5.0 + block]))[0]
-        simulation._world.spawn(300_000, find_blueprint("vehicle.audi.tt"), place[:3], float(place[3]), Role.PARKED)
+        simulation._world.spawn(300_000, find_blueprint(thing), place[:3], float(place[3]), Role.PARKED)
     agent = made(name)
     agent.start(plan_of(simulation.route, simulation.town))
     seen: list[Any] = []
@@ -65,6 +67,12 @@ def test_followers_keep_to_their_lane(name: str) -> None:
 def test_who_has_eyes_stops_behind_a_standing_car_and_who_has_none_does_not(name: str) -> None:
     touched = any(len(snapshot.contacts) for snapshot in driven(name, 320, block=50.0))
     assert touched == name.startswith(("constant", "blind"))
+
+
+@pytest.mark.parametrize("name", FOLLOWERS[2:])
+def test_debris_is_driven_over(name: str) -> None:
+    seen = driven(name, 300, block=30.0, thing="static.prop.dirtdebris01")
+    assert np.hypot(*(seen[-1].ego.xy - seen[0].ego.xy)) > 40.0
 
 
 def test_the_blind_sees_itself_alone() -> None:
