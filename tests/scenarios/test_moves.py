@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -124,6 +125,27 @@ def test_a_crossing_is_given_up_before_what_does_not_move_and_ends_elsewhere(blo
     seconds_taken, metres = ends[0]
     assert (10.0 < seconds_taken < 16.0) if blocked else (5.0 < seconds_taken < 6.0)
     assert (metres < 12.0) if blocked else metres == pytest.approx(25.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("role", "brakes"), [(Role.TRAFFIC, True), (Role.EGO, False)])
+def test_a_rider_brakes_before_a_queue_but_not_for_the_ego(role: Role, brakes: bool) -> None:
+    speeds: list[float] = []
+
+    def script(scenario: Scenario, stage: Stage) -> Script:
+        start, _ = along_lane(stage.anchor, 20.0)
+        wall, _ = along_lane(stage.anchor, 36.0)
+        stands = scenario.spawn(stage, "vehicle.audi.tt", wall.xyz, wall.yaw, role)
+        bicycle = scenario.spawn(stage, "vehicle.bh.crossbike", start.xyz, start.yaw, Role.SCENARIO)
+        for _ in first_of(ride(bicycle, 5.0, 25.0), seconds(6.0)):
+            speeds.append(bicycle.speed)
+            if stage.world.distance(bicycle, stands) < 0.05:
+                break
+            yield
+        yield
+
+    try_out(script, 200)
+    slowest = max(before - after for before, after in pairwise(speeds)) / DT
+    assert (slowest < 5.0 and speeds[-1] < 0.3) if brakes else speeds[-2] > 4.0
 
 
 @pytest.mark.parametrize(

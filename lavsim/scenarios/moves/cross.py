@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,8 @@ from lavsim.world.actor import Actor
 from lavsim.world.world import World
 
 _HALF_WIDTH = 0.5  # [m] of a walker, with room to its sides
+_SHORT_OF, _BRAKING = 0.6, 3.0  # [m], [m/s²] before a queue
+_STANDS, _LOOK = 0.5, 12.0  # [m/s], [m]
 GIVES_UP = 10.0  # [s] held up for so long, an actor stays where it is
 
 
@@ -40,12 +44,28 @@ def walk(actor: Actor, way: NDArray[np.float64], speed: float, length: float) ->
 
 
 def ride(actor: Actor, speed: float, length: float, acceleration: float = 12.0) -> Script:
-    """Drives `length` metres straight ahead, as it stands, up to `speed` [m/s], and stops; also when held up."""
+    """Drives `length` metres straight ahead, as it stands, up to `speed` [m/s], and stops; also when held up.
+
+    It brakes before a queue on its way, for who crosses in front of an ego must not stop dead there.
+    """
     crossing = _Crossing(actor, length)
     while crossing.goes_on():
-        actor.drive(min(speed, actor.speed + acceleration * DT))
+        room = max(room_to_queue(actor) - _SHORT_OF, 0.0)
+        actor.drive(min(speed, actor.speed + acceleration * DT, math.sqrt(2.0 * _BRAKING * room)))
         yield
     actor.drive(0.0)
+
+
+def room_to_queue(actor: Actor) -> float:
+    """Way [m] straight ahead to a standing vehicle of the traffic; infinite without one within 12 m."""
+    world, row = actor.world, actor.row
+    stands = np.hypot(*world.velocity[: world.count, :2].T) < _STANDS
+    rows = np.flatnonzero(world.present[: world.count] & (world.table.roles == Role.TRAFFIC) & stands)
+    x, y, yaw = (float(value) for value in (*actor.xy, world.pose[row, 2]))
+    along, across, reach_along, reach_across = _seen_from(world, rows, np.array([x, y]), yaw)
+    half_length, half_width = world.half_sizes[row]
+    is_ahead = (along > 0.0) & (along < _LOOK) & (np.abs(across) < reach_across + half_width)
+    return float((along - reach_along - half_length)[is_ahead].min(initial=math.inf))
 
 
 def cross(actor: Actor, way: NDArray[np.float64], speed: float, length: float) -> Script:
@@ -57,12 +77,18 @@ def cross(actor: Actor, way: NDArray[np.float64], speed: float, length: float) -
 def meets_parked(world: World, start: NDArray[np.float64], way: NDArray[np.float64], length: float) -> bool:
     """Whether a parked car stands within `length` metres from `start` (2,) in direction `way` (2,)."""
     rows = np.flatnonzero(world.present[: world.count] & (world.table.roles == Role.PARKED))
-    unit = np.asarray(way, dtype=np.float64) / np.hypot(*way)
-    gap = world.pose[rows, :2] - start
-    along, across = gap @ unit, gap @ np.array([-unit[1], unit[0]])
-    turn = world.pose[rows, 2] - np.arctan2(unit[1], unit[0])
-    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    half_length, half_width = world.half_sizes[rows].T
-    reach_along, reach_across = half_length * c + half_width * s, half_length * s + half_width * c
+    along, across, reach_along, reach_across = _seen_from(world, rows, start, float(np.arctan2(way[1], way[0])))
     inside = (along > -reach_along) & (along < length + reach_along) & (np.abs(across) < reach_across + _HALF_WIDTH)
     return bool(inside.any())
+
+
+def _seen_from(
+    world: World, rows: NDArray[np.int64], place: NDArray[np.float64], yaw: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Of actors, seen from `place` (2,) in direction `yaw`: how far ahead and aside, half extents likewise [m]."""
+    gap = world.pose[rows, :2] - place
+    ahead, aside = np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])
+    turn = world.pose[rows, 2] - yaw
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    half_length, half_width = world.half_sizes[rows].T
+    return gap @ ahead, gap @ aside, half_length * c + half_width * s, half_length * s + half_width * c
