@@ -39,6 +39,7 @@ FIRM_BRAKING = 5.0  # [m/s²] where that suffices it counts on a short yellow
 YELLOW, SHORT_YELLOW = 3.0, 2.0  # [s] CARLA's yellow, and that of hazards which set the lights
 REAR_OVER = 0.3  # [m] that its rear may still have before a stop line for the line to count as crossed
 CRAWLS = 2.0  # [m/s]
+PULL_AWAY = 1.5  # [m/s²] it counts on
 NOSE_OVER = 1.5  # [m] over a line at which it can stand in nobody's way: it then counts on a short yellow
 OVER_LINE = 2.5  # [m] over a stop line at which it still stops for red: the rear decides
 AT_REST = 0.05  # [m/s] below the 0.1 that counts as stopped
@@ -253,11 +254,12 @@ class Expert:
         if needed < YELLOW_BRAKING:
             return False
         lasts = YELLOW if needed > FIRM_BRAKING else SHORT_YELLOW
-        return needed > LAST_BRAKING or self._time_to_clear(ego, room) < lasts - since - 0.3
+        pull = 0.0 if ego.speed > CRAWLS else PULL_AWAY  # who drives may be held to its speed by a bend behind the line
+        return needed > LAST_BRAKING or self._time_to_clear(ego, room, pull) < lasts - since - 0.3
 
-    def _time_to_clear(self, ego: Ego, room: float) -> float:
+    def _time_to_clear(self, ego: Ego, room: float, pull: float = PULL_AWAY) -> float:
         """Seconds until its rear is over a line that its front reaches in `room` metres; bends on the way slow it."""
-        return time_along(self.way.profile, ego.s, room + 2.0 * ego.half_length + 1.0, ego.speed, 1.5)
+        return time_along(self.way.profile, ego.s, room + 2.0 * ego.half_length + 1.0, ego.speed, pull)
 
     def _junction(self, ego: Ego, stops: Floats) -> float:
         """Acceleration that keeps it out of a junction it could not leave [m/s²]."""
