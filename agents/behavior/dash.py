@@ -23,6 +23,7 @@ SPARE_WALKER = 1.2  # [s]
 ROOM, ROOM_UNDER_WAY = 0.8, 0.1  # [m]
 BEHIND = 0.5  # [m] to who is followed
 LASTS = 5.0  # [s]
+LEAST = 4.0  # [m] that it has to lead on: before somebody who stands it would only creep up to him
 HELD = 0.5  # [m/s²] less than that left by others holds it up
 
 _WALKER = int(ActorClass.WALKER)
@@ -70,13 +71,13 @@ class Dash:
         elif time - self._since > LASTS or not np.any(met.enters[~met.follows] >= 0.0):
             self.is_on = False
             return False
-        spare, room = (SPARE_UNDER_WAY, ROOM_UNDER_WAY) if self.is_on else (SPARE, ROOM)
+        spare, room, least = (SPARE_UNDER_WAY, ROOM_UNDER_WAY, 0.0) if self.is_on else (SPARE, ROOM, LEAST)
         ahead = allowed[round(met.base / STEP) :]
         start = ego.s - met.base
         meets = (met.enters, met.leaves, forecast.kind, yields)
-        self.is_on, limit, until = _leads_through(*meets, start, ego.speed, ahead, spare, room, PULL, 0.0)
+        self.is_on, limit, until = _leads_through(*meets, start, ego.speed, ahead, spare, room, least, PULL, 0.0)
         if self.is_on and limit < PULL:  # somebody has to pass first
-            self.is_on, _, _ = _leads_through(*meets, start, ego.speed, ahead, spare, room, limit, until)
+            self.is_on, _, _ = _leads_through(*meets, start, ego.speed, ahead, spare, room, least, limit, until)
         self.pull = limit
         return self.is_on
 
@@ -92,14 +93,15 @@ def _leads_through(
     allowed: Floats,
     spare: float,
     room: float,
+    least: float,
     pull: float,
     until: float,
 ) -> tuple[bool, float, float]:
     """Drives on with `pull` for `until` seconds and with `PULL` then; who is ahead when their ways meet passes first.
 
     Returns:
-        Whether that leads on before all others, the largest acceleration up to `PULL` that comes near nobody ahead
-        [m/s²], and how long it is needed [s].
+        Whether that leads on before all others, by `least` metres or more, the largest acceleration up to `PULL`
+        [m/s²] that comes near nobody ahead, and how long it is needed [s].
     """
     begun, limit, lasts = speed, PULL, 0.0
     count, last = len(enters), len(allowed) - 1
@@ -143,4 +145,4 @@ def _leads_through(
                 needed = -begun * begun / (2.0 * max(way, 0.1))
             if needed < limit:
                 limit, lasts = needed, time
-    return True, limit, lasts
+    return place - start >= least, limit, lasts

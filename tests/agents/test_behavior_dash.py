@@ -47,7 +47,7 @@ def test_stream_without_is_waited_for_off_its_way(speed: float, gap: float) -> N
 def free(enters: Floats, leaves: Floats, yields: bool = False, start: float = 0.0, speed: float = 0.0) -> bool:
     allowed = np.full(200, 12.0)
     row = np.array([yields])
-    return _leads_through(enters[None], leaves[None], CAR, row, start, speed, allowed, SPARE, ROOM, PULL, 0.0)[0]
+    return _leads_through(enters[None], leaves[None], CAR, row, start, speed, allowed, SPARE, ROOM, 0.0, PULL, 0.0)[0]
 
 
 def behind(speed: float, since: float) -> tuple[Floats, Floats]:
@@ -75,7 +75,7 @@ def test_who_crosses_ahead_is_not_run_into() -> None:
     """It is 3 m off the way of one who leaves that after 1.5 s: with all its might it would be in it before."""
     enters = np.where(TIMES < 1.5, 6.0, -1.0)
     goes, pull, until = _leads_through(
-        enters[None], enters[None] + 8.0, CAR, np.array([False]), 0.0, 2.0, np.full(200, 12.0), 0.0, 0.1, PULL, 0.0
+        enters[None], enters[None] + 8.0, CAR, np.array([False]), 0.0, 2.0, np.full(200, 12.0), 0.0, 0.1, 0.0, PULL, 0.0
     )
     assert goes
     assert pull < 0.5
@@ -84,7 +84,7 @@ def test_who_crosses_ahead_is_not_run_into() -> None:
 
 
 def test_a_gap_once_begun_behind_somebody_close_is_not_given_up_in_turns() -> None:
-    args = CAR, np.array([False]), 0.0, 0.1, np.full(200, 12.0), 0.0, 0.1, PULL, 0.0
+    args = CAR, np.array([False]), 0.0, 0.1, np.full(200, 12.0), 0.0, 0.1, 0.0, PULL, 0.0
     at = 2.0 + 10.0 * TIMES
     assert _leads_through((at / 0.5)[None], ((at + 5.0) / 0.5)[None], *args)[0]
     slow = np.minimum(2.0 + 1.0 * TIMES, 4.0)
