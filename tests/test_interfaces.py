@@ -35,8 +35,8 @@ LISTINGS: dict[str, list[str] | None] = {
     "bench": None,
 }
 OTHERS = {
-    "collect", "render", "score", "rescore", "merge", "show", "train", "view", "export-scene", "dataset merge",
-    "dataset split", "dataset show", "dataset export", "dataset import", "routes make",
+    "ablate", "collect", "render", "score", "rescore", "merge", "show", "train", "view", "export-scene",
+    "dataset merge", "dataset split", "dataset show", "dataset export", "dataset import", "routes make",
 }  # fmt: skip
 
 
@@ -128,7 +128,10 @@ def bash(tmp_path_factory: pytest.TempPathFactory) -> Any:
     environment = {**os.environ, "HOME": str(folder), "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
 
     def run(text: str) -> str:
-        done = subprocess.run(["bash", "-c", text], env=environment, capture_output=True, text=True, timeout=60)
+        # A bash that has one command becomes it, and which shell asks is told from the parent.
+        done = subprocess.run(
+            ["bash", "-c", f"{text}\nexit $?"], env=environment, capture_output=True, text=True, timeout=60
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout
 

@@ -12,12 +12,13 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
 
+from agents.lav.brake_measures import average_precision
 from agents.lav.config import find_preset
 from agents.lav.data.images import WIDE_TAGS, frames_of
 from agents.lav.models.segmentation import CLASS_WEIGHTS, make_segmentation
 from agents.lav.painted import PaintedScores, painted_folder
 from agents.lav.stages.base import StageInput, StepContext, TrainConfig
-from agents.lav.stages.brake import BrakeBatch, BrakeStage, Facts, average_precision, brake_loss, measures_of
+from agents.lav.stages.brake import BrakeStage
 from agents.lav.stages.painting import PaintingStage
 from agents.lav.stages.segmentation import (
     SegmentationStage,
@@ -67,9 +68,8 @@ def test_a_golden_step(recorded: Path, kind: Any) -> None:
     assert (loss, norm) == pytest.approx(GOLDEN[kind], rel=2e-3)
 
 
-@pytest.mark.parametrize("kind", [SegmentationStage, BrakeStage])
-def test_samples_are_functions_of_numbers_and_draws(recorded: Path, kind: Any) -> None:
-    stage = kind(stage_input(Dataset(recorded)))
+def test_samples_are_functions_of_numbers_and_draws(recorded: Path) -> None:
+    stage = SegmentationStage(stage_input(Dataset(recorded)))
     first, again, other = (
         stage.load(np.array(samples), Draws(seed)) for samples, seed in (([0, 5], 1), ([0, 5], 1), ([0, 5], 2))
     )
@@ -157,30 +157,11 @@ def test_cameras_that_see_walkers_are_drawn_more_often(recorded: Path) -> None:
             assert shares[seen].min() == pytest.approx(3.0 * shares[none].max())
 
 
-def test_brake_loss_by_hand() -> None:
-    tags = torch.zeros(2, 8, 8, dtype=torch.uint8)
-    batch = BrakeBatch(*(torch.zeros(2, 3, 8, 8),) * 2, tags, tags, torch.tensor([1.0, 0.0]))
-    total, parts = brake_loss(torch.tensor([0.0, 2.0]), torch.zeros(2, 4, 2, 2), torch.zeros(2, 4, 2, 2), batch)
-    assert parts["brake"] == pytest.approx((np.log(2.0) + np.log(1.0 + np.exp(2.0))) / 2)
-    assert parts["pixels"] == pytest.approx(2 * np.log(4.0))
-    assert total.item() == pytest.approx(parts["brake"] + 0.5 * parts["pixels"])
-
-
 def test_average_precision_by_hand() -> None:
     truth = np.array([True, False, True, False])
     assert average_precision(np.array([0.9, 0.8, 0.7, 0.1]), truth) == pytest.approx((1.0 + 2 / 3) / 2)
     assert average_precision(np.array([0.9, 0.1, 0.8, 0.2]), truth) == 1.0
     assert average_precision(np.full(4, 0.5), truth) == 0.5, "equal scores are one rank"
-
-
-def test_red_lights_count_where_they_have_to_be_told() -> None:
-    facts = Facts(
-        np.array([True, True, False, True]), np.array(["light", "light", "none", "walker"]),
-        np.array([True, False, False, False]),
-    )  # fmt: skip
-    found = measures_of(np.array([0.4, 0.2, 0.9, 0.8]), facts, 0.3)
-    assert (found["recall_red"], found["recall_light"], found["recall_walker"]) == (1.0, 0.5, 1.0)
-    assert (found["recall"], found["precision"], found["false_alarms"]) == pytest.approx((2 / 3, 2 / 3, 1.0))
 
 
 def weights(seed: int = 0) -> Weights:
