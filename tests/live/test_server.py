@@ -241,7 +241,8 @@ def test_page_that_does_not_keep_up_gets_the_newest_tick_and_no_queue(server: Li
         newest = live.view.snapshot.tick
         page.ask("seen", frame=IN_FLIGHT)
         told = page.hear("frame")
-        assert (told["frame"], told["tick"]) == (IN_FLIGHT + 1, newest)
+        assert told["frame"] == IN_FLIGHT + 1
+        assert newest <= told["tick"] <= live.view.snapshot.tick, "the last of the steps may still have been under way"
 
 
 def test_last_page_that_goes_pauses_the_drive_and_lifts_the_feet(server: LiveServer, live: Session) -> None:
@@ -249,12 +250,12 @@ def test_last_page_that_goes_pauses_the_drive_and_lifts_the_feet(server: LiveSer
         page.hear("frame")
         page.ask("drive", throttle=1.0, brake=0.0, steer=0.0)
         page.ask("pause", on=False)
-        while page.hear("frame")["status"]["paused"]:
-            page.ask("seen", frame=1)
+        while (told := page.hear("frame"))["status"]["paused"]:
+            page.ask("seen", frame=told["frame"])
     changed = threading.Event()
-    told, live.on_change = live.on_change, lambda: changed.set() if live.view.status["paused"] else None
+    before, live.on_change = live.on_change, lambda: changed.set() if live.view.status["paused"] else None
     assert live.view.status["paused"] or changed.wait(WAIT)
-    live.on_change = told
+    live.on_change = before
     assert live.driver.wheel.keys.throttle == 0.0  # type: ignore[attr-defined]
 
 
