@@ -79,7 +79,7 @@ class BrakeStage(Stage):
 
     parents: ClassVar[Sequence[str]] = ("approaches",)
     sizes: ClassVar[Sequence[str]] = ("cameras", "brake")
-    defaults: ClassVar[TrainConfig] = TrainConfig(batch=16, epochs=4.0, learning_rate=2e-3, precision="auto")
+    defaults: ClassVar[TrainConfig] = TrainConfig(batch=16, epochs=1.5, learning_rate=2.5e-3, precision="auto")
 
     @classmethod
     def needs(cls, config: LavConfig) -> Sequence[str]:

@@ -56,7 +56,7 @@ class FullStage(Stage):
 
     parents: ClassVar[Sequence[str]] = ("painting", "perception", "bev")
     defaults: ClassVar[TrainConfig] = TrainConfig(
-        batch=16, epochs=2.0, learning_rate=1e-3, average=0.995, precision="auto"
+        batch=16, epochs=3.0, learning_rate=1e-3, average=0.995, precision="auto"
     )
 
     def __init__(self, given: StageInput) -> None:

@@ -69,7 +69,7 @@ class PerceptionStage(Stage):
 
     parents: ClassVar[Sequence[str]] = ("painting",)
     defaults: ClassVar[TrainConfig] = TrainConfig(
-        batch=16, epochs=3.0, learning_rate=1e-3, average=0.995, precision="auto"
+        batch=16, epochs=2.0, learning_rate=1e-3, average=0.995, precision="auto"
     )
     sizes: ClassVar[Sequence[str]] = ("grid", "pillars", "painted", "backbone", "temporal", "training.painting")
 

@@ -41,7 +41,7 @@ class SegmentationStage(Stage):
     """One of the five cameras a frame, drawn anew each time, as it is or mirrored."""
 
     sizes: ClassVar = ("cameras", "segmentation")
-    defaults: ClassVar[TrainConfig] = TrainConfig(batch=16, epochs=4.0, learning_rate=1e-2, precision="auto")
+    defaults: ClassVar[TrainConfig] = TrainConfig(batch=16, epochs=2.2, learning_rate=1e-2, precision="auto")
 
     def __init__(self, given: StageInput) -> None:
         torch.manual_seed(given.train.seed)
