@@ -5,7 +5,7 @@ The order within a tick is the original's (reference `lav.md` 6.2); what differs
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,27 +22,24 @@ from agents.lav.driving import (
     Forecasts,
     Outlook,
     drawings_of,
-    goals_of,
-    guide_of,
     outlook_of,
     straight_forecasts,
     vehicle_forecasts,
 )  # fmt: skip
-from agents.lav.frames import command_of, vehicle_from_planner
+from agents.lav.frames import vehicle_from_planner
 from agents.lav.halting import FREE, Signals, Told
-from agents.lav.localise import EgoFilter, Pose
+from agents.lav.localise import Pose
 from agents.lav.models.detection import Detections
 from agents.lav.others import Found, Others
 from agents.lav.perceive import CAMERAS, LIDAR, SUITE, TELEPHOTO, Perceiver, Sight, read_trained
+from agents.lav.readings import Readings, Waypointer, rgb_of, speed_of
 from agents.lav.scans import Scans
 from lavsim.agent import Agent, Track
 from lavsim.config import Config, read_config
 from lavsim.drawings import Drawing, boxes, points, raster, scalar
-from lavsim.guidance import Guide
 from lavsim.types import DT, Control
 
 Floats = NDArray[np.float64]
-Readings = Mapping[str, Any]
 
 _HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
 _SHOWN_SCORE, _SHOWN_LEVELS = 0.3, 8  # of a painted point; of the map, whose few levels pack well
@@ -89,9 +86,9 @@ class LavAgent(Agent):
         self._eyes = Perceiver(read_trained(given.weights or None), given.drive)
         self.config = self._eyes.config
         self._driver, self._hold = Driver(self.config.drive, _HALF_SIZE), BrakeHold(self.config.drive)
-        self._place, self._scans = EgoFilter(), Scans(self.config)
+        self._scans = Scans(self.config)
         self._others = Others(self.config.drive)
-        self._guide: Guide | None = None
+        self._way: Waypointer | None = None
         self._tick, self._steer, self._told = 0, 0.0, Told(0.0)
         self._signals = Signals(self.config.drive)
         self._shown: tuple[Sight, Outlook] | None = None
@@ -101,10 +98,10 @@ class LavAgent(Agent):
 
     def run_step(self, input_data: dict[str, tuple[int, Any]], timestamp: float) -> Control:
         readings = {name: reading for name, (_, reading) in input_data.items()}
-        speed, compass = speed_of(readings), float(readings["IMU"][6])
-        pose = self._place.update(readings["GPS"], compass, speed, self._steer)
-        goals, command = self._goals(readings, pose)
-        images = [_rgb(readings[name]) for name in CAMERAS]
+        if self._way is None:
+            self._way = Waypointer(self._global_plan or [], self.config.drive.filtered)
+        pose, goals, command = self._way.update(readings, self._steer)
+        speed, images = speed_of(readings), [rgb_of(readings[name]) for name in CAMERAS]
         scan = self._eyes.paint(self._scans.merged(readings[LIDAR]), images)
         sight = self._eyes.see(self._scans.stacked(scan, pose))
         found = self.found(sight, pose, readings)
@@ -140,7 +137,7 @@ class LavAgent(Agent):
         drive = self.config.drive
         is_new = self._tick % drive.brake_every == 0
         if is_new:
-            self._told = self._eyes.brake(images, _rgb(readings[TELEPHOTO]))
+            self._told = self._eyes.brake(images, rgb_of(readings[TELEPHOTO]))
         if not self._told.tells_causes:
             return self._hold.step(self._told.stop, speed), FREE
         is_stopped = self._told.others > drive.others_score and speed > drive.stop_below
@@ -156,21 +153,13 @@ class LavAgent(Agent):
         motions = self._eyes.foresee(sight.features, poses, targets, known)
         return outlook_of(motions, poses, command, self.config.drive)
 
-    def _goals(self, readings: dict[str, Any], pose: Pose) -> tuple[Floats, int]:
-        """(2, 2) goal points in the planner frame [m], and the command."""
-        if self._guide is None:
-            self._guide = guide_of(self._global_plan or [])
-        self._guide.update(self._place.gps() if self.config.drive.filtered else readings["GPS"])
-        guidance = self._guide.now(pose.yaw + np.pi / 2.0)
-        return goals_of(guidance), command_of(int(guidance.command))
-
     def _forecasts(self, outlook: Outlook, found: Found) -> dict[str, Forecasts]:
         """Who may come into the way, by kind."""
         drive, boxes = self.config.drive, found.vehicles
         stands = found.speeds < drive.standing  # not so where they are not known
         sizes = np.maximum(boxes[:, 3:] - drive.slack * stands[:, None], 0.0)
         return {
-            "vehicle": vehicle_forecasts(outlook, boxes[:, :3], sizes, stands),
+            "vehicle": vehicle_forecasts(outlook, boxes[:, :3], sizes, stands, found.velocities, drive.leader_brakes),
             "walker": straight_forecasts(found.walkers, found.walking, len(outlook.plan)),
         }
 
@@ -189,11 +178,6 @@ class LavAgent(Agent):
         return raster(shown, ((grid.ahead - grid.behind) / 2.0, 0.0, 0.0), grid.cell, "ego")
 
 
-def speed_of(readings: Readings) -> float:
-    """Of the ego [m/s]; noise can make it negative."""
-    return max(float(readings["EGO"]["speed"]), 0.0)
-
-
 def _drawn_boxes(found: Detections) -> Drawing:
     box = found.boxes.numpy().astype(np.float64)
     poses = np.column_stack([vehicle_from_planner(box[:, :2]), box[:, 2], 2.0 * box[:, 3:]])
@@ -208,8 +192,3 @@ def _drawn_paint(scan: NDArray[np.float32]) -> dict[str, Drawing]:
         name: points(np.round(scan[shown, :2], 1), np.round(score[shown], 1), "ego")
         for name, (shown, score) in kinds.items()
     }
-
-
-def _rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(H, W, 3) red first of a camera's (H, W, 4), blue first."""
-    return np.ascontiguousarray(image[..., 2::-1])

@@ -189,8 +189,8 @@ def touched(
 
     Args:
         plan: (T, 2) in the planner frame [m].
-        others: (N, 6, T, 2) forecasts there, by command.
-        likelihood: (N, 6) of each.
+        others: (N, B, T, 2) forecasts there.
+        likelihood: (N, B) of each.
         boxes: (1 + N, 3) heading now [rad], half length and half width [m], the ego's first.
         config: Margins.
         less: What the margin beside the ego is smaller by [m].

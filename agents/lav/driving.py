@@ -27,6 +27,7 @@ from agents.lav.controller import (
 )
 from agents.lav.frames import planner_from_vehicle, vehicle_from_planner
 from agents.lav.halting import FREE, allowed_speed, room_before
+from agents.lav.leaders import leader_paths, same_way
 from agents.lav.models.crop import to_planner
 from agents.lav.models.teacher import Motions
 from lavsim.drawings import Drawing, boxes, polylines, scalar
@@ -44,8 +45,8 @@ class Forecasts(NamedTuple):
     """Where others may go, in the ego's planner frame.
 
     Attributes:
-        paths: (N, 6, T, 2) by command [m].
-        likelihood: (N, 6).
+        paths: (N, B, T, 2) by command, and whatever else they may do [m].
+        likelihood: (N, B).
         boxes: (N, 3) heading now [rad], half length and half width [m].
     """
 
@@ -96,8 +97,15 @@ def outlook_of(motions: Motions, poses: Tensor, command: int, config: DriveConfi
     return Outlook(*(part.numpy().astype(np.float64) for part in (own[command], others, likelihood)))
 
 
-def vehicle_forecasts(outlook: Outlook, poses: Floats, sizes: Floats, stands: NDArray[np.bool_]) -> Forecasts:
-    """Others' forecasts; those who stand (N,) stay.
+def vehicle_forecasts(
+    outlook: Outlook,
+    poses: Floats,
+    sizes: Floats,
+    stands: NDArray[np.bool_],
+    velocities: Floats | None = None,
+    braking: float = 0.0,
+) -> Forecasts:
+    """Others' forecasts; those who stand (N,) stay, and those who go the ego's way may also go on as they go.
 
     Whoever stands may pull out, but held for it the ego would not pass a parked car.
 
@@ -106,10 +114,18 @@ def vehicle_forecasts(outlook: Outlook, poses: Floats, sizes: Floats, stands: ND
         poses: (N, 3) of the others.
         sizes: (N, 2) half length and half width [m].
         stands: (N,).
+        velocities: (N, 2) in the planner frame [m/s], if they are known.
+        braking: Of those who go the ego's way, at most, gently [m/s²]; 0: forecasts alone.
     """
-    paths = outlook.paths.copy()
+    paths, likelihood = outlook.paths.copy(), outlook.likelihood
     paths[stands] = poses[stands, None, None, :2]
-    return Forecasts(paths, outlook.likelihood, np.column_stack([poses[:, 2], sizes]))
+    if velocities is not None and braking > 0.0:
+        leads = ~stands & same_way(outlook.plan, poses[:, :2], velocities)
+        known = np.where(leads[:, None], velocities, 0.0)
+        ahead = leader_paths(poses[:, :2], known, len(outlook.plan), braking)
+        paths = np.concatenate([paths, ahead], axis=1)
+        likelihood = np.concatenate([likelihood, np.repeat(leads[:, None].astype(float), ahead.shape[1], 1)], axis=1)
+    return Forecasts(paths, likelihood, np.column_stack([poses[:, 2], sizes]))
 
 
 def straight_forecasts(places: Floats, velocities: Floats, steps: int) -> Forecasts:

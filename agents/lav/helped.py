@@ -82,9 +82,10 @@ class HelpedLavAgent(PrivilegedAgent, LavAgent):
         """Who is there, of the truth sensor's reading."""
         rows, poses = (part[1 : 1 + self.config.drive.forecasts] for part in told_vehicles(truth, self.config))
         walkers = told_walkers(truth, 2).paths[:, 0]
+        ahead = np.stack([np.sin(poses[:, 2]), -np.cos(poses[:, 2])], axis=1)
         return Found(
             np.column_stack([poses, truth["sizes"][rows, :2] / 2.0]).astype(np.float64),
-            np.linalg.norm(truth["velocities"][rows, :2], axis=1),
+            np.linalg.norm(truth["velocities"][rows, :2], axis=1)[:, None] * ahead,
             2.0 * walkers[:, 0] - walkers[:, 1],
             (walkers[:, 1] - walkers[:, 0]) / TIME_STEP,
         )

@@ -28,15 +28,20 @@ class Found(NamedTuple):
 
     Attributes:
         vehicles: (N, 5) boxes of the nearest ahead: x, y, heading, half length, half width [m, rad].
-        speeds: (N,) [m/s], not a number where they are not known.
+        velocities: (N, 2) [m/s], not a number where they are not known.
         walkers: (M, 2) [m].
         walking: (M, 2) their velocities [m/s].
     """
 
     vehicles: Floats
-    speeds: Floats
+    velocities: Floats
     walkers: Floats
     walking: Floats
+
+    @property
+    def speeds(self) -> Floats:
+        """(N,) of the vehicles [m/s], not a number where they are not known."""
+        return np.asarray(np.hypot(*self.velocities.T))
 
 
 class _Seen(NamedTuple):
@@ -77,8 +82,9 @@ class Others:
         cars = np.flatnonzero(is_sure & ~is_small)
         nearest = cars[np.argsort(np.hypot(*boxes[cars, :2].T), kind="stable")][: drive.forecasts]
         people = (is_sure & is_small) | moves
-        walking = planner_from_world(np.nan_to_num(tracks.velocities[people]), np.zeros(2), pose.yaw)
-        return Found(boxes[nearest], speeds[nearest], boxes[people, :2], walking)
+        velocities = planner_from_world(tracks.velocities, np.zeros(2), pose.yaw)
+        walking = np.nan_to_num(velocities[people])
+        return Found(boxes[nearest], velocities[nearest], boxes[people, :2], walking)
 
     def _joined(self, vehicles: Detections, walkers: Detections) -> _Seen:
         """Both kinds; of a walker and a vehicle in one place the one that is surer for its kind."""

@@ -15,6 +15,7 @@ from agents.lav.agent import LavAgent
 from agents.lav.config import DriveConfig, LavConfig, find_preset
 from agents.lav.controller import BrakeHold
 from agents.lav.driving import Driver, Forecasts, Outlook, straight_forecasts, vehicle_forecasts
+from agents.lav.leaders import leader_paths, same_way
 from agents.lav.localise import Pose
 from agents.lav.models.brake import BrakeNetwork
 from agents.lav.models.detection import Detections
@@ -99,6 +100,49 @@ def test_who_stands_is_not_foreseen_to_pull_out() -> None:
     for stands in (True, False):
         others = vehicle_forecasts(outlook, pose, size, np.array([stands]))
         assert (driver().step(AHEAD, {"vehicle": others}, 6.0, 3).brake == 0.0) == stands
+
+
+@pytest.mark.parametrize(
+    ("x", "velocity", "braking", "brakes"),
+    [
+        (0.8, (0.0, -3.0), 2.0, True),
+        (0.8, (0.0, -3.0), 0.0, False),  # forecasts alone
+        (0.8, (0.0, -9.0), 2.0, False),  # drives away
+        (2.6, (0.0, -3.0), 2.0, False),  # beside
+        (0.8, (np.nan, np.nan), 2.0, False),
+    ],
+)
+def test_it_keeps_behind_a_leader_whose_forecasts_say_nothing(
+    x: float, velocity: tuple[float, float], braking: float, brakes: bool
+) -> None:
+    outlook = Outlook(AHEAD, np.full((1, 6, 10, 2), 50.0), np.zeros((1, 6)))
+    place, size = np.array([[x, -6.0, 0.0]]), np.array([[0.9, 0.3]])
+    rider = vehicle_forecasts(outlook, place, size, np.array([False]), np.array([velocity]), braking)
+    assert (driver().step(AHEAD, {"vehicle": rider}, 6.0, 3).brake > 0.0) == brakes
+
+
+def test_leaders_go_straight_on_or_come_to_a_stand() -> None:
+    paths = leader_paths(np.zeros((2, 2)), np.array([[0.0, -4.0], [0.0, 0.0]]), 10, 2.0)
+    np.testing.assert_allclose(paths[0, 0, :, 1], -np.arange(1.0, 11.0))
+    np.testing.assert_allclose(paths[0, 1, [0, 3, 7, 9], 1], [-0.9375, -3.0, -4.0, -4.0])
+    assert not paths[1].any()
+
+
+@pytest.mark.parametrize(
+    ("place", "velocity", "goes_its_way"),
+    [
+        ((0.0, -5.0), (0.0, -3.0), True),
+        ((0.0, -5.0), (0.0, 3.0), False),
+        ((0.0, -5.0), (3.0, 0.0), False),
+        ((9.0, -9.0), (3.0, 0.0), True),  # round the bend
+        ((0.0, -5.0), (np.nan, np.nan), False),
+    ],
+)
+def test_who_goes_the_egos_way_is_told_by_the_plan_where_he_is(
+    place: tuple[float, float], velocity: tuple[float, float], goes_its_way: bool
+) -> None:
+    bend = np.array([[0.0, -3.0], [0.0, -6.0], [2.0, -8.5], [5.0, -9.0], [8.0, -9.0]])
+    assert same_way(bend, np.array([place]), np.array([velocity])).tolist() == [goes_its_way]
 
 
 @pytest.mark.parametrize(("x", "y", "passes"), [(1.95, -4.0, True), (0.2, -6.0, False)])
