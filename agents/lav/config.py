@@ -184,7 +184,7 @@ class DriveConfig(Config):
     comfort: float = Field(default=3.0, gt=0.0, description="Brakes so for lines and others ahead [m/s²].")
     room: float = Field(default=1.5, ge=0.0, description="Kept before others that are in the way [m].")
     leader_brakes: float = Field(
-        default=2.0, ge=0.0, description="What who goes the ego's way may brake with [m/s²]; 0: learned forecasts only."
+        default=3.0, ge=0.0, description="What who goes the ego's way may brake with [m/s²]; 0: learned forecasts only."
     )
     patience: float = Field(default=4.0, ge=0.0, description="Standing longer, it passes others more narrowly [s].")
     yield_time: float = Field(default=8.0, gt=0.0, description="So long until it does so fully [s].")
