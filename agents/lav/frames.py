@@ -53,6 +53,12 @@ def world_from_planner(points: ArrayLike, origin: ArrayLike, yaw: float) -> Floa
     return np.stack([x, y], axis=-1) + np.asarray(origin, np.float64)
 
 
+def forward_of(heading: ArrayLike) -> Floats:
+    """(…, 2) planner directions of headings (…) [rad]."""
+    yaw = np.asarray(heading, np.float64)
+    return np.stack([np.sin(yaw), -np.cos(yaw)], axis=-1)
+
+
 def ego_from_own(points: ArrayLike, place: ArrayLike, heading: float) -> Floats:
     """(…, 2) planner points of the ego, of points in the own planner frame of a vehicle at `place` with `heading`."""
     x, y = np.moveaxis(np.asarray(points, np.float64), -1, 0)

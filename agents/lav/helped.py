@@ -20,6 +20,7 @@ from agents.behavior.road import stop_points
 from agents.lav.agent import LavAgent, LavSettings, Readings
 from agents.lav.config import TIME_STEP
 from agents.lav.driving import Outlook
+from agents.lav.frames import forward_of
 from agents.lav.halting import FREE
 from agents.lav.localise import Pose
 from agents.lav.others import Found
@@ -82,10 +83,9 @@ class HelpedLavAgent(PrivilegedAgent, LavAgent):
         """Who is there, of the truth sensor's reading."""
         rows, poses = (part[1 : 1 + self.config.drive.forecasts] for part in told_vehicles(truth, self.config))
         walkers = told_walkers(truth, 2).paths[:, 0]
-        ahead = np.stack([np.sin(poses[:, 2]), -np.cos(poses[:, 2])], axis=1)
         return Found(
             np.column_stack([poses, truth["sizes"][rows, :2] / 2.0]).astype(np.float64),
-            np.linalg.norm(truth["velocities"][rows, :2], axis=1)[:, None] * ahead,
+            np.linalg.norm(truth["velocities"][rows, :2], axis=1)[:, None] * forward_of(poses[:, 2]),
             2.0 * walkers[:, 0] - walkers[:, 1],
             (walkers[:, 1] - walkers[:, 0]) / TIME_STEP,
         )

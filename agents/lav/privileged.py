@@ -18,7 +18,7 @@ from agents.behavior.road import stop_points
 from agents.lav.config import LavConfig
 from agents.lav.data.arrays import grid_layers
 from agents.lav.driving import Driver, Outlook, drawings_of, goals_of, guide_of, outlook_of, vehicle_forecasts
-from agents.lav.frames import command_of
+from agents.lav.frames import command_of, forward_of
 from agents.lav.models.teacher import LABEL_LAYERS, MotionNetwork, make_teacher
 from agents.lav.told import StopLines, told_vehicles, told_walkers
 from agents.lav.weights import read_weights
@@ -90,7 +90,9 @@ class PrivilegedLavAgent(PrivilegedAgent):
         if self._lines.must_stop(truth, speed):
             return self._driver.halt(outlook.plan, speed, command)
         sizes, stands = truth["sizes"][rows[1:], :2] / 2.0, speeds[1:] < _STANDS
-        vehicles = vehicle_forecasts(outlook, poses[1:].astype(np.float64), sizes, stands)
+        others = poses[1:].astype(np.float64)
+        velocities = speeds[1:, None] * forward_of(others[:, 2])
+        vehicles = vehicle_forecasts(outlook, others, sizes, stands, velocities, self.config.drive.leader_brakes)
         walkers = told_walkers(truth, len(outlook.plan))
         return self._driver.step(outlook.plan, {"vehicle": vehicles, "walker": walkers}, speed, command)
 
