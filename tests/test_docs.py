@@ -30,6 +30,7 @@ from leaderboard.routes import route_files
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 QUICK_START = ROOT / "docs" / "quickstart.md"
+SMALL = 30_000  # bytes
 CHEAP = ("(towns|routes|agents|sensors|scenarios) --json", "--version")  # listings, run as they stand
 
 _FENCE = re.compile(r"(?:<!-- (?P<mark>[^>]*?) -->\n)?^```(?P<language>\w*)[^\n]*\n(?P<text>.*?)^```$", re.M | re.S)
@@ -238,9 +239,18 @@ def test_everything_there_is_has_its_picture() -> None:
     shown = {link for page in PAGES for link in _LINK.findall(page.read_text(encoding="utf-8"))}
     kinds = [key[1] for key in SCENARIOS if isinstance(key, tuple) and key[0] in ("1.0", "2.x")]
     assert not [kind for kind in kinds if f"pictures/hazards/{kind}.jpg" not in shown]
+    criteria = (ROOT / "docs" / "reference" / "criteria.md").read_text(encoding="utf-8")
+    for name in map(str, CRITERIA):
+        shows = rf"^### `{name}`\n\n!\[{name}: [^\]]+\]\(../pictures/criteria/{name}\.jpg\)"
+        assert re.search(shows, criteria, re.M), name
     assert not [file for file in route_files() if f"../pictures/routes-{file}.jpg" not in shown]
     sensors = (ROOT / "docs" / "reference" / "sensors.md").read_text(encoding="utf-8")
     assert f"![A reading of each of the {len(list(SENSORS))} sensors](" in sensors, "draw the sheet again"
+
+
+def test_pictures_of_which_there_are_many_are_small() -> None:
+    folders = [ROOT / "docs" / "pictures" / name for name in ("hazards", "criteria")]
+    assert not [p.name for folder in folders for p in folder.iterdir() if p.stat().st_size > SMALL]
 
 
 def test_every_page_is_in_the_site() -> None:
