@@ -193,14 +193,21 @@ def machine() -> str:
 # ---- the plot
 
 
+_PARTS = {  # of a line: their titles and units
+    "bench": ("Bench, against the first line: more is better", "%"),
+    "scores": ("Scores", "driving score"),
+}
+
+
 def draw(lines: Sequence[Line], target: Path) -> None:
-    """Bench figures against their first, and scores, from line to line."""
+    """Bench figures against their first, and scores, from line to line; no part that has none."""
     from matplotlib.figure import Figure as Sheet
 
-    sheet = Sheet(figsize=(8.0, 7.0), layout="constrained")
-    top, bottom = sheet.subplots(2, 1, sharex=True)
+    parts = [part for part in _PARTS if any(getattr(line, part) for line in lines)]
+    sheet = Sheet(figsize=(8.0, 0.7 + 3.0 * len(parts)), layout="constrained")
     names = [f"{line.commit[:7]}\n{line.date[5:16].replace('T', ' ')}" for line in lines]
-    for axes, part, unit in ((top, "bench", "%"), (bottom, "scores", "driving score")):
+    for part, axes in zip(parts, sheet.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0], strict=True):
+        title, unit = _PARTS[part]
         found = [getattr(line, part) for line in lines]
         for name in sorted({name for figures in found for name in figures}):
             at = [k for k, figures in enumerate(found) if name in figures]
@@ -209,16 +216,15 @@ def draw(lines: Sequence[Line], target: Path) -> None:
             if part == "bench":
                 values, noise = 100.0 * values / values[0], 100.0 * values / values[0] * noise
             axes.errorbar(at, values, noise, marker="o", markersize=4, capsize=3, linewidth=1.2, label=name)
+        axes.set_title(title, loc="left", fontsize=10)
         axes.set_ylabel(unit)
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
-        if axes.has_data():
-            axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    top.set_title("Bench, against the first line: more is better", loc="left", fontsize=10)
-    bottom.set_title("Scores", loc="left", fontsize=10)
-    bottom.set_ylim(-3.0, 105.0)
-    bottom.set_xlim(-0.5, len(lines) - 0.5)
-    bottom.set_xticks(range(len(lines)), names, fontsize=8)
+        axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        if part == "scores":
+            axes.set_ylim(-3.0, 105.0)
+        axes.set_xlim(-0.5, len(lines) - 0.5)
+        axes.set_xticks(range(len(lines)), names, fontsize=8)
     sheet.savefig(target, dpi=110)
 
 
