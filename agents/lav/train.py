@@ -113,7 +113,7 @@ def _export(task: TrainTask, names: Sequence[str]) -> None:
 
 
 def stages_of(name: str, config: LavConfig | None = None) -> list[str]:
-    """The stages that a name stands for, parents first; "all" is every one that leads to an end.
+    """The stages that a name stands for, parents first; "all" is every one that leads to an end of LAV.
 
     Args:
         name: A stage's, or "all".
@@ -133,7 +133,7 @@ def stages_of(name: str, config: LavConfig | None = None) -> list[str]:
         if stage not in order:
             order.append(stage)
 
-    names = [str(stage) for stage in STAGES]
+    names = [str(stage) for stage in STAGES if STAGES[stage].is_lav]
     parents = {parent for stage in names for parent in STAGES[stage].parents}
     for stage in names:
         if stage not in parents:

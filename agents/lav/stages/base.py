@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -88,6 +89,7 @@ class Stage(ABC):
         sizes: Fields of `LavConfig` ("grid", "training.others") that its weights depend on: a parent's fit where
             these are equal.
         is_trained: False for a stage without a network: `run` does its work.
+        is_lav: False for what is trained like LAV but no part of it, as baselines are: `all` leaves it out.
 
     Attributes:
         network: What is trained and saved. The loop wraps it for several processes: call it, and no method of it.
@@ -97,6 +99,7 @@ class Stage(ABC):
     defaults: ClassVar[TrainConfig] = TrainConfig()
     sizes: ClassVar[Sequence[str]] = tuple(name for name in LavConfig.model_fields if name not in ("name", "drive"))
     is_trained: ClassVar[bool] = True
+    is_lav: ClassVar[bool] = True
     network: nn.Module
 
     @abstractmethod
@@ -144,4 +147,8 @@ class Stage(ABC):
         raise NotImplementedError
 
 
-STAGES: Registry[type[Stage]] = Registry("stage", "agents.lav.stages")
+def _find_baselines() -> None:
+    importlib.import_module("agents.cloning.stage")
+
+
+STAGES: Registry[type[Stage]] = Registry("stage", "agents.lav.stages", also=_find_baselines)

@@ -30,6 +30,7 @@ from agents.lav.data.show import SHOWN, barred, column, fitted, sheet, unseen_fr
 from agents.lav.data.signals import Signals, joined, recorded_signals, repeats_of, staged_signals
 from agents.lav.data.staged import StagedFrames
 from agents.lav.models.brake import DISTANCE_UNIT, BrakeNetwork, auxiliary_loss, causes_of, stop_of
+from agents.lav.models.resnet import memory_format
 from agents.lav.painted import painted_folder
 from agents.lav.stages.base import STAGES, Stage, StageInput, StepContext, TrainConfig
 from lavsim.dataset.reader import Dataset
@@ -43,8 +44,6 @@ _IMAGES = (*FRONT, TELEPHOTO)
 _TAGS = (*FRONT_TAGS, TELEPHOTO_TAGS)
 _STAGED = -1  # in place of an episode: frame of an approach
 _CHUNK = 16
-# With channels last, PyTorch 2's gradient of a strided 1x1 convolution of 4 or 8 channels writes out of bounds.
-_LEAST_WIDTH = 12
 
 
 class Truth(NamedTuple):
@@ -87,7 +86,7 @@ class BrakeStage(Stage):
 
     def __init__(self, given: StageInput) -> None:
         torch.manual_seed(given.train.seed)
-        self._format = torch.channels_last if given.config.brake.width >= _LEAST_WIDTH else torch.contiguous_format
+        self._format = memory_format(given.config.brake)
         network = BrakeNetwork(given.config)
         self.network = network.to(memory_format=self._format)  # type: ignore[call-overload]
         self._config, self._threshold = given.config, given.config.drive.brake_score

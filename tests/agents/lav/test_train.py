@@ -16,10 +16,12 @@ from lavsim.cli import main
 
 def test_parents_come_first() -> None:
     order = stages_of("all", find_preset("tiny"))
-    assert sorted(order) == sorted(map(str, STAGES))
+    assert sorted(order) == sorted(str(name) for name in STAGES if STAGES[name].is_lav)
     for name in order:
         assert all(order.index(parent) < order.index(name) for parent in STAGES[name].parents)
     assert stages_of("bev") == ["bev"]
+    assert stages_of("cloning") == ["cloning"]
+    assert "cloning" not in order, "a baseline is no part of LAV"
     assert "approaches" not in stages_of("all"), "the paper's brake network learns from what was recorded"
 
 
