@@ -33,10 +33,7 @@ def write_rerun(log: Path, path: Path, town_path: tuple[Path, ...] = ()) -> None
         ConfigError: Rerun is not installed.
         LavsimError: the log can't be read, or the file can't be written.
     """
-    try:
-        import rerun  # type: ignore[import-not-found, unused-ignore]
-    except ImportError:
-        raise ConfigError("--rerun needs Rerun: pip install 'lavsim[rerun]'.") from None
+    rerun = load_rerun("--rerun")
     reader = LogReader(log)
     town = town_of(reader, town_path)
     try:
@@ -59,6 +56,19 @@ def write_rerun(log: Path, path: Path, town_path: tuple[Path, ...] = ()) -> None
     stream.disconnect()
 
 
+def load_rerun(option: str) -> Any:
+    """Rerun's module, for an option that asks for it.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
+    try:
+        import rerun  # type: ignore[import-not-found, unused-ignore]
+    except ImportError:
+        raise ConfigError(f"{option} needs Rerun: pip install 'lavsim[rerun]'.") from None
+    return rerun
+
+
 def _log_tick(rerun: Any, stream: Any, snapshot: Snapshot) -> None:
     boxes = boxes_of(snapshot)
     stream.log("world/actors", rerun.Boxes3D(**boxes))
@@ -72,13 +82,21 @@ def _log_tick(rerun: Any, stream: Any, snapshot: Snapshot) -> None:
 
 def boxes_of(snapshot: Snapshot) -> dict[str, Any]:
     """Centres, half sizes, quaternions (x, y, z, w), colours and labels of the actors' boxes, as Rerun takes them."""
-    sizes = snapshot.sizes.astype(np.float64)
-    centres = snapshot.xyz.copy()
+    return boxes_at(snapshot.xyz, snapshot.sizes, snapshot.yaw, snapshot.classes, snapshot.roles, snapshot.ids)
+
+
+def boxes_at(
+    xyz: NDArray[Any], sizes: NDArray[Any], yaw: NDArray[Any], classes: NDArray[Any], roles: NDArray[Any],
+    ids: NDArray[Any],
+) -> dict[str, Any]:  # fmt: skip
+    """As `boxes_of`, of actors whose origins on the ground are `xyz` (N, 3) [m], `sizes` (N, 3) [m], `yaw` [rad]."""
+    sizes = sizes.astype(np.float64)
+    centres = xyz.astype(np.float64)
     centres[:, 2] += sizes[:, 2] / 2.0
-    half = -snapshot.yaw / 2.0  # clockwise from above becomes counter-clockwise
+    half = -yaw.astype(np.float64) / 2.0  # clockwise from above becomes counter-clockwise
     zero = np.zeros_like(half)
-    colours = _COLOURS[snapshot.classes]
-    colours[snapshot.roles == Role.EGO] = _EGO
+    colours = _COLOURS[classes]
+    colours[roles == Role.EGO] = _EGO
     return {
         "centers": flipped(centres),
         "half_sizes": sizes / 2.0,
@@ -86,7 +104,7 @@ def boxes_of(snapshot: Snapshot) -> dict[str, Any]:
         "colors": colours,
         "labels": [
             f"{ActorClass(kind).name.lower()} {actor}"
-            for kind, actor in zip(snapshot.classes.tolist(), snapshot.ids.tolist(), strict=True)
+            for kind, actor in zip(classes.tolist(), ids.tolist(), strict=True)
         ],
         "show_labels": False,
     }

@@ -35,6 +35,7 @@ class Format(StrEnum):
     LEROBOT = "lerobot"
     WEBDATASET = "webdataset"
     LAV = "lav"
+    RERUN = "rerun"
 
 
 @dataset_app.command()
@@ -169,7 +170,7 @@ def export(
     out: Out,
     fields: Annotated[str | None, typer.Option(help="Of webdataset: some readings only, 'rgb_2,lidar,bev'.")] = None,
 ) -> None:
-    """Write a dataset in the format of LeRobot v3.0, WebDataset, or LAV's lmdb trajectories."""
+    """Write a dataset in the format of LeRobot v3.0, WebDataset, LAV's lmdb trajectories, or for Rerun's viewer."""
     if fields is not None and to is not Format.WEBDATASET:
         raise typer.BadParameter("--fields goes with --format webdataset only")
     with Shares() as shares:
@@ -184,6 +185,10 @@ def export(
             chosen = None if fields is None else [name.strip() for name in fields.split(",")]
             about = export_webdataset(data, out, chosen, watch)
             numbers = {"samples": about["samples"], "shards": about["shards"]}
+        elif to is Format.RERUN:
+            from lavsim.dataset.export_rerun import export_rerun
+
+            numbers = export_rerun(data, out, watch)
         else:
             from lavsim.dataset.export_lav import export_lav
 
