@@ -38,6 +38,7 @@ Floats = NDArray[np.float64]
 
 WALKER_REACH, STANDING_REACH = 0.7, 0.5  # [m] kept free around a walker, and around one who stands
 _WALKS = 0.3  # [m/s]
+_RIDER = 1.3  # [m] half length; of two-wheelers no learned forecast is any good
 _CHANGE = 4  # commands from here on change lanes
 
 
@@ -105,7 +106,7 @@ def vehicle_forecasts(
     velocities: Floats | None = None,
     braking: float = 0.0,
 ) -> Forecasts:
-    """Others' forecasts; those who stand (N,) stay, and those who go the ego's way may also go on as they go.
+    """Others' forecasts; those who stand (N,) stay; riders, and who goes the ego's way, may also go on as they go.
 
     Whoever stands may pull out, but held for it the ego would not pass a parked car.
 
@@ -120,7 +121,8 @@ def vehicle_forecasts(
     paths, likelihood = outlook.paths.copy(), outlook.likelihood
     paths[stands] = poses[stands, None, None, :2]
     if velocities is not None and braking > 0.0:
-        leads = ~stands & same_way(outlook.plan, poses[:, :2], velocities)
+        is_known = np.isfinite(velocities).all(axis=1) & ~stands
+        leads = is_known & ((sizes[:, 0] < _RIDER) | same_way(outlook.plan, poses[:, :2], velocities))
         known = np.where(leads[:, None], velocities, 0.0)
         ahead = leader_paths(poses[:, :2], known, len(outlook.plan), braking)
         paths = np.concatenate([paths, ahead], axis=1)

@@ -15,10 +15,14 @@ from agents.lav.frames import planner_from_world, world_from_planner
 from agents.lav.localise import Pose
 from agents.lav.models.detection import Detections
 from agents.lav.tracking import Tracker
+from lavsim.types import DT
 
 Floats = NDArray[np.float64]
 
-_RESTING = 6  # numbers of a box that stands
+_RESTING, _MARGIN, _WALKS = 6, 6, 7  # numbers of a box that stands; what is tracked beside it
+_COAST = 4  # ticks that who was found is taken to be there still
+_FULL_BRAKES, _REACTION, _FRONT = 8.0, 0.35, 4.0  # [m/s²], [s], [m] of the ego and before it
+_STEPS_OUT, _BESIDE = 3.0, 1.2  # [m/s] towards the way, of who lies that far aside [m]
 _SAME = 1.0  # [m] between a walker and a vehicle that are one
 _SMALL = 0.55  # [m] half length of who walks, whatever it is found as; bicycles have 0.75 and more
 
@@ -52,12 +56,24 @@ class _Seen(NamedTuple):
     walks: NDArray[np.bool_]
 
 
+class _Followed(NamedTuple):
+    """Everybody who is there: boxes now and at rest (N, 5), margin and kind as above, velocities in the frame that
+    stands still (N, 2) [m/s], and ticks in which each was found (N,)."""
+
+    boxes: Floats
+    rested: Floats
+    margin: Floats
+    walks: NDArray[np.bool_]
+    velocities: Floats
+    seen: NDArray[np.int64]
+
+
 class Others:
     """Follows everybody."""
 
     def __init__(self, config: DriveConfig) -> None:
         self._config = config
-        self._tracker = Tracker(_RESTING)
+        self._tracker = Tracker(_WALKS + 1)
 
     def update(self, vehicles: Detections, walkers: Detections, pose: Pose, moved: float) -> Found:
         """Takes in a tick.
@@ -68,23 +84,37 @@ class Others:
             pose: Of the ego in the frame that stands still.
             moved: Way of the ego since the last tick [m].
         """
-        drive = self._config
-        boxes, margin, walks = self._joined(vehicles, walkers)
-        tracks = self._tracker.update(_resting(boxes, pose), moved)
-        speeds = np.hypot(*tracks.velocities.T)
-        is_small = walks | (boxes[:, 3] < _SMALL)
+        drive, all_ = self._config, self._followed(vehicles, walkers, pose, moved)
+        boxes, speeds, is_small = all_.boxes, np.hypot(*all_.velocities.T), all_.walks | (all_.boxes[:, 3] < _SMALL)
         rests = (speeds < drive.standing) & ~is_small  # who walks slowly is where he is found
-        boxes[rests] = _unresting(tracks.rested[rests], pose)
+        boxes[rests] = all_.rested[rests]
 
-        counts = (tracks.seen >= drive.least_seen) & (walks | (boxes[:, 1] < 0.0))
-        is_sure = counts & (margin >= 0.0)
+        counts = (all_.seen >= drive.least_seen) & (all_.walks | (boxes[:, 1] < 0.0))
+        is_sure = counts & (all_.margin >= 0.0)
         moves = counts & ~is_sure & (speeds > drive.doubtful_speed)  # cyclists; fences stand
+        steps_out = all_.walks & (all_.margin >= 0.0) & np.isnan(speeds) & _appears_near(boxes, moved / DT)
         cars = np.flatnonzero(is_sure & ~is_small)
         nearest = cars[np.argsort(np.hypot(*boxes[cars, :2].T), kind="stable")][: drive.forecasts]
-        people = (is_sure & is_small) | moves
-        velocities = planner_from_world(tracks.velocities, np.zeros(2), pose.yaw)
-        walking = np.nan_to_num(velocities[people])
-        return Found(boxes[nearest], velocities[nearest], boxes[people, :2], walking)
+        people = (is_sure & is_small) | moves | steps_out
+
+        velocities = planner_from_world(all_.velocities, np.zeros(2), pose.yaw)
+        velocities[steps_out] = _towards_the_way(boxes[steps_out])
+        return Found(boxes[nearest], velocities[nearest], boxes[people, :2], np.nan_to_num(velocities[people]))
+
+    def _followed(self, vehicles: Detections, walkers: Detections, pose: Pose, moved: float) -> _Followed:
+        """Everybody who is found, and who is missed for a moment."""
+        boxes, margin, walks = self._joined(vehicles, walkers)
+        tracks = self._tracker.update(np.column_stack([_resting(boxes, pose), margin, walks]), moved)
+        missed = self._tracker.coasting(_COAST)
+        lost, rested = missed.rested, np.concatenate([tracks.rested, missed.rested])
+        return _Followed(
+            np.concatenate([boxes, _unresting(lost, pose)]),
+            _unresting(rested, pose),
+            np.concatenate([margin, lost[:, _MARGIN]]),
+            np.concatenate([walks, lost[:, _WALKS] > 0.5]),
+            np.concatenate([tracks.velocities, missed.velocities]),
+            np.concatenate([tracks.seen, missed.seen]),
+        )
 
     def _joined(self, vehicles: Detections, walkers: Detections) -> _Seen:
         """Both kinds; of a walker and a vehicle in one place the one that is surer for its kind."""
@@ -107,6 +137,19 @@ def _resting(boxes: Floats, pose: Pose) -> Floats:
 
 
 def _unresting(means: Floats, pose: Pose) -> Floats:
-    """The inverse of `_resting`."""
+    """The inverse of `_resting`, of means (N, 6 or more)."""
     heading = np.arctan2(means[:, 3], means[:, 2]) / 2.0 - pose.yaw
-    return np.column_stack([planner_from_world(means[:, :2], *pose), heading, means[:, 4:]])
+    return np.column_stack([planner_from_world(means[:, :2], *pose), heading, means[:, 4:_RESTING]])
+
+
+def _appears_near(boxes: Floats, speed: float) -> NDArray[np.bool_]:
+    """(N,) who is ahead, so near that by the time his speed is known full brakes come too late."""
+    ahead = -boxes[:, 1]
+    return np.asarray((ahead > 0.0) & (ahead < speed * speed / (2.0 * _FULL_BRAKES) + _REACTION * speed + _FRONT))
+
+
+def _towards_the_way(boxes: Floats) -> Floats:
+    """(N, 2) velocities of who is taken to step into the way [m/s]."""
+    aside = boxes[:, 0]
+    across = np.where(np.abs(aside) > _BESIDE, -np.sign(aside) * _STEPS_OUT, 0.0)
+    return np.stack([across, np.zeros(len(aside))], axis=1)

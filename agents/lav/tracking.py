@@ -67,6 +67,16 @@ class Tracker:
         self._renew(tracks, np.delete(found, rows, axis=0))
         return told
 
+    def coasting(self, ticks: int) -> Tracked:
+        """Those who were not found at this tick, but within the last `ticks`; `rested` begins with where they are now.
+
+        What a detector finds it misses now and again, and who is missed for a tick is not gone.
+        """
+        kept = (self._missed > 0) & (self._missed <= ticks)
+        velocities = np.where(self._spread[kept, 1, 1, None] < _KNOWN**2, self._state[kept, 1], np.nan)
+        rested = np.concatenate([self._state[kept, 0], self._mean[kept, 2:]], axis=1)
+        return Tracked(velocities, rested, self._seen[kept])
+
     def _predict(self) -> None:
         step = np.array([[1.0, DT], [0.0, 1.0]])
         push = np.array([DT * DT / 2.0, DT]) * _ACCELERATION

@@ -121,6 +121,14 @@ def test_it_keeps_behind_a_leader_whose_forecasts_say_nothing(
     assert (driver().step(AHEAD, {"vehicle": rider}, 6.0, 3).brake > 0.0) == brakes
 
 
+@pytest.mark.parametrize(("half", "brakes"), [((0.9, 0.3), True), ((2.2, 0.9), False)])
+def test_riders_who_cross_go_on_as_they_go_and_cars_as_is_foreseen(half: tuple[float, float], brakes: bool) -> None:
+    outlook = Outlook(AHEAD, np.full((1, 6, 10, 2), 50.0), np.zeros((1, 6)))
+    place, velocity = np.array([[5.0, -8.0, -np.pi / 2.0]]), np.array([[-4.0, 0.0]])
+    others = vehicle_forecasts(outlook, place, np.array([half]), np.array([False]), velocity, 3.0)
+    assert (driver().step(AHEAD, {"vehicle": others}, 6.0, 3).brake > 0.0) == brakes
+
+
 def test_leaders_go_straight_on_or_come_to_a_stand() -> None:
     paths = leader_paths(np.zeros((2, 2)), np.array([[0.0, -4.0], [0.0, 0.0]]), 10, 2.0)
     np.testing.assert_allclose(paths[0, 0, :, 1], -np.arange(1.0, 11.0))

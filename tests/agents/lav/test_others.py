@@ -54,3 +54,44 @@ def test_a_walker_beside_a_car_is_somebody_else() -> None:
     for _ in range(5):
         found = others.update(seen(((3.0, -10.0), CAR, 0.9)), seen(((1.5, -10.0), WALKER, 0.6)), HERE, 0.0)
     assert (len(found.walkers), len(found.vehicles)) == (1, 1)
+
+
+@pytest.mark.parametrize(("missed", "is_there"), [(4, True), (5, False)])
+def test_who_is_missed_for_a_moment_is_still_there(missed: int, is_there: bool) -> None:
+    others = Others(DriveConfig())
+    for tick in range(20):
+        others.update(seen(), seen(((4.0 - 1.6 * DT * tick, -12.0), WALKER, 0.6)), HERE, 0.0)
+    for _ in range(missed):
+        found = others.update(seen(), seen(), HERE, 0.0)
+    assert len(found.walkers) == is_there
+    if is_there:
+        assert found.walkers == pytest.approx(np.array([[4.0 - 1.6 * DT * (19 + missed), -12.0]]), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("place", "speed", "steps_out"),
+    [
+        ((3.0, -11.0), 12.0, True),
+        ((-3.0, -11.0), 12.0, True),
+        ((3.0, -22.0), 12.0, False),  # there is time to look
+        ((3.0, -11.0), 4.0, False),
+        ((3.0, 2.0), 12.0, False),  # behind
+    ],
+)
+def test_who_appears_within_braking_distance_is_taken_to_step_out(
+    place: tuple[float, float], speed: float, steps_out: bool
+) -> None:
+    others, first = Others(DriveConfig()), seen((place, WALKER, 0.6))
+    found = others.update(seen(), first, HERE, speed * DT)
+    assert len(found.walkers) == steps_out
+    if steps_out:
+        assert found.walking[0, 0] == -np.sign(place[0]) * 3.0
+
+
+def test_who_has_stood_there_is_not_taken_to_step_out() -> None:
+    others = Others(DriveConfig())
+    for tick in range(20):
+        pose = Pose(np.array([12.0 * DT * tick, 0.0]), 0.0)
+        here = (3.0, -25.0 + 12.0 * DT * tick)
+        found = others.update(seen(), seen((here, WALKER, 0.6)), pose, 12.0 * DT)
+    assert np.hypot(*found.walking[0]) < 0.5
