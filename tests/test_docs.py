@@ -174,6 +174,13 @@ def test_scripts_modules_and_targets_exist() -> None:
             assert "".join(name) in targets, f"{page.name}: make {name}"
 
 
+def test_every_benchmark_has_its_command() -> None:
+    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    scripts = [p for p in (ROOT / "benchmarks").glob("*.py") if 'if __name__ == "__main__"' in p.read_text("utf-8")]
+    assert len(scripts) > 15
+    assert not [p.stem for p in scripts if f"benchmarks/{p.name}" not in page and f"benchmarks.{p.stem}" not in page]
+
+
 def test_xml_and_toml_are_well_formed() -> None:
     for block in ALL_BLOCKS:
         if block.language == "xml":
