@@ -17,6 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from agents.lav.bodies import with_body
 from agents.lav.config import DriveConfig, LavConfig
 from agents.lav.data.images import as_batch, far_view, shrunk
 from agents.lav.data.points import SCORES, thinned
@@ -38,6 +39,7 @@ Bytes = NDArray[np.uint8]
 TRAINED = Path(__file__).parent / "trained"
 SUITE = SUITES["lav"]
 CAMERAS, TELEPHOTO, LIDAR = ("RGB_0", "RGB_1", "RGB_2"), "TEL_RGB", "LIDAR"
+LIDAR_HEIGHT = float(next(sensor["z"] for sensor in SUITE if sensor["id"] == LIDAR))  # [m] over the ground
 _MOST_FOUND = 20
 _SIZES = {"segmentation": ("cameras", "segmentation"), "brake": ("cameras",)}
 
@@ -157,7 +159,8 @@ class Perceiver:
                 decode(seen, self.config.grid, kind, _MOST_FOUND, score)[0]
                 for kind, score in ((VEHICLE, least), (PEDESTRIAN, drive.walker_score))
             )
-        return Sight(seen.features, without_ego(vehicles), walkers, seen.map[0], points)
+        vehicles, walkers = (with_body(found, points, LIDAR_HEIGHT) for found in (without_ego(vehicles), walkers))
+        return Sight(seen.features, vehicles, walkers, seen.map[0], points)
 
     def foresee(self, features: Tensor, poses: Tensor, goals: Tensor, speeds: Tensor) -> Motions:
         """Motions of the vehicles at poses (1, R, 3); the rest as `MotionNetwork`'s."""

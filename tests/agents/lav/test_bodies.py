@@ -1,0 +1,45 @@
+"""Detections near the ego need points above the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
+
+from agents.lav.bodies import with_body
+from agents.lav.models.detection import Detections
+
+HEIGHT = 2.4
+GROUND = np.stack([*np.meshgrid(np.arange(-20.0, 20.0, 0.5), np.arange(-20.0, 20.0, 0.5)), np.full((80, 80), -HEIGHT)])
+
+
+def kept(place: tuple[float, float], body: tuple[float, float, float] | None, yaw: float = 0.0) -> bool:
+    """Whether a car found ahead and to the right stays, on bare ground but for one point."""
+    box = torch.tensor([[place[1], -place[0], yaw, 2.2, 0.9]])
+    scan = GROUND.reshape(3, -1).T.astype(np.float32)
+    points = scan if body is None else np.concatenate([scan, np.array([body], np.float32)])
+    return len(with_body(Detections(box, torch.tensor([0.5])), points, HEIGHT).scores) == 1
+
+
+@pytest.mark.parametrize(
+    ("place", "body", "yaw", "stays"),
+    [
+        ((0.2, -3.8), None, 0.0, False),
+        ((0.2, -3.8), (2.0, -3.2, -1.5), 0.0, True),
+        ((0.2, -3.8), (2.0, -3.2, -2.3), 0.0, False),  # a kerb
+        ((0.2, -3.8), (0.2, -5.7, -1.5), 0.0, False),  # beside it
+        ((6.0, 0.0), (6.0, 1.9, -1.5), np.pi / 2.0, True),  # across
+        ((6.0, 0.0), (7.9, 0.0, -1.5), np.pi / 2.0, False),
+        ((14.0, 0.0), None, 0.0, True),  # too far away to tell
+    ],
+)
+def test_who_is_near_needs_a_body(
+    place: tuple[float, float], body: tuple[float, float, float] | None, yaw: float, stays: bool
+) -> None:
+    assert kept(place, body, yaw) == stays
+
+
+def test_nobody_found_is_nobody_kept() -> None:
+    none = Detections(torch.zeros((0, 5)), torch.zeros(0))
+    assert len(with_body(none, np.zeros((0, 4), np.float32), HEIGHT).scores) == 0
