@@ -113,6 +113,18 @@ def test_interrupted_ends_with_130(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert capsys.readouterr().err in ("", "lavsim: interrupted\n")  # Typer's later versions take it themselves
 
 
+def test_chosen_hazards_that_have_no_room_are_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The file is not written: who asked for hazards would drive without."""
+    words = ["routes", "make", "--town", "eu_small_a", "--count", "1", "--out", str(tmp_path / "r.xml")]
+    assert main([*words, "--hazard", "Accident"]) == 2
+    assert "no route has room for Accident" in capsys.readouterr().err
+    assert not (tmp_path / "r.xml").exists()
+    assert main([*words, "--hazard", "DynamicObjectCrossing"]) == 0
+    assert (tmp_path / "r.xml").is_file()
+
+
 # ---- completion
 
 

@@ -11,7 +11,7 @@ import typer
 from lavsim.commands import complete
 from lavsim.commands.base import AsJson, TownPath, app, print_findings, print_list, towns_at
 from lavsim.commands.scenarios import ScenarioPath
-from lavsim.errors import OutputError, UnknownName
+from lavsim.errors import ConfigError, OutputError, UnknownName
 
 
 class _RouteCommands(typer.core.TyperGroup):
@@ -129,6 +129,12 @@ def make_routes(
     if kinds:
         draws = Draws.of_seed(seed).stream("hazards")
         entries = [put_hazards(where, e, kinds, spacing, draws.stream(e.id)) for e in entries]
+        if not any(entry.scenarios for entry in entries):
+            names = ", ".join(kind for _, kind in kinds)
+            raise ConfigError(
+                f"no route has room for {names}; 'lavsim scenarios --suggest {town} {kinds[0][1]}' lists places, "
+                "--count and --seed draw other routes."
+            )
     try:
         out.write_bytes(write_routes(entries, traffic))
     except OSError as error:
