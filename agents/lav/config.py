@@ -154,6 +154,7 @@ class DriveConfig(Config):
 
     steering: PidConfig = PidConfig(proportional=0.8, integral=0.5, derivative=0.2)
     speed: PidConfig = PidConfig(proportional=5.0, integral=0.5, derivative=1.0)
+    pursuit: bool = Field(default=True, description="Steers along the arc through the aim, not by the steering gains.")
     aim: tuple[int, ...] = Field(default=(4, 4, 4, 3, 6, 6), description="Waypoint that is steered at, from 0.")
     speed_ratio: tuple[float, ...] = Field(default=(1.0,) * COMMANDS, description="Part of the planned speed.")
     stop_below: float = Field(default=0.8, ge=0.0, description="Planned speeds below this are a stop [m/s].")
@@ -163,6 +164,7 @@ class DriveConfig(Config):
     over_speed: float = Field(default=1.5, gt=0.0, description="Brakes when faster than planned by this [m/s].")
     brake_score: float = Field(default=0.3, ge=0.0, le=1.0, description="Scores of the brake network above stop it.")
     collision_margin: float = Field(default=0.15, ge=0.0, description="Around the ego's box against forecasts [m].")
+    front_margin: float = Field(default=0.6, ge=0.0, description="Before its front, beside that [m].")
     likely: float = Field(default=0.2, ge=0.0, le=1.0, description="Commands of others below are left out.")
     refined_lane_change: bool = Field(default=False, description="Whether lane changes take the refined plan too.")
     stuck: float = Field(default=10.0, gt=0.0, description="Creeps after standing so long [s]; 30 in the original.")

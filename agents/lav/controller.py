@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from agents.lav.config import TIME_STEP, DriveConfig, PidConfig
 from lavsim.types import DT, Control
+from lavsim.world.dynamics import FULL_STEER_CURVATURE
 
 Floats = NDArray[np.float64]
 
@@ -64,8 +65,7 @@ class Controller:
             return STOP
         planned = planned_speed(plan) * config.speed_ratio[command]
         wanted = min(planned, max(allowed - ALLOWED_SLACK, 0.0))
-        angle = aim_angle(plan, config.aim[command])
-        steer = min(max(self._steering.step(angle / (math.pi / 2.0)), -1.0), 1.0)
+        steer = min(max(self._turn(aim_point(plan, config.aim[command])), -1.0), 1.0)
         error = min(max(wanted - speed, 0.0), config.error_clip)
         throttle = min(max(self._speed.step(error), 0.0), config.most_throttle)
         if wanted < config.stop_below:
@@ -75,6 +75,16 @@ class Controller:
         if speed > wanted + config.over_speed:
             return Control(steer=steer, brake=min(0.2 * (speed - wanted), 1.0))
         return Control(throttle=throttle if speed < config.speed_cap else 0.0, steer=steer)
+
+    def _turn(self, aim: Floats) -> float:
+        """The wheel (-1 to 1, or beyond) for a waypoint (2,) that is steered at.
+
+        The paper's gains answer the angle alone: at 7 m/s that is the arc through the waypoint, at 2 m/s a third of it.
+        """
+        angle = math.atan2(aim[0], -aim[1])
+        if not self._config.pursuit:
+            return self._steering.step(angle / (math.pi / 2.0))
+        return 2.0 * math.sin(angle) / math.hypot(aim[0], aim[1]) / FULL_STEER_CURVATURE
 
 
 class StuckCounter:
@@ -157,15 +167,16 @@ class BrakeHold:
         return score > self._config.brake_score
 
 
-def aim_angle(plan: Floats, first: int) -> float:
-    """Direction [rad] of a waypoint, clockwise from straight ahead: of `first` or, where that is too near, a later one.
+def aim_point(plan: Floats, first: int) -> Floats:
+    """(2,) the waypoint that is steered at: `first` or, where that is too near, a later one.
 
     The direction of a point half a metre ahead is that of its error, and would turn the wheels from lock to lock.
     """
     far = np.hypot(plan[:, 0], plan[:, 1]) >= _LEAST_AIM
     far[: min(first, len(plan) - 1)] = False
-    aim = plan[int(np.argmax(far)) if far.any() else -1]
-    return math.atan2(aim[0], max(-aim[1], _LEAST_AIM) if not far.any() else -aim[1])
+    if far.any():
+        return np.asarray(plan[int(np.argmax(far))])
+    return np.array([plan[-1, 0], min(plan[-1, 1], -_LEAST_AIM)])
 
 
 def planned_speed(plan: Floats) -> float:
@@ -180,7 +191,13 @@ def creep_path(steps: int) -> Floats:
 
 
 def touched(
-    plan: Floats, others: Floats, likelihood: Floats, boxes: Floats, config: DriveConfig, less: float = 0.0
+    plan: Floats,
+    others: Floats,
+    likelihood: Floats,
+    boxes: Floats,
+    config: DriveConfig,
+    less: float = 0.0,
+    front: float = 0.0,
 ) -> NDArray[np.bool_]:
     """(N, T) whom the ego, on its plan, touches on a likely forecast at the same time, and when.
 
@@ -194,13 +211,16 @@ def touched(
         boxes: (1 + N, 3) heading now [rad], half length and half width [m], the ego's first.
         config: Margins.
         less: What the margin beside the ego is smaller by [m].
+        front: What the margin before the ego is larger by [m].
     """
     if not len(others):
         return np.zeros((0, len(plan)), np.bool_)
     own = _poses(plan, boxes[0, 0])
     poses = _poses(others, boxes[1:, None, 0])
     half = np.broadcast_to(boxes[1:, None, None, 1:], (*poses.shape[:3], 2))
-    touch = _overlap(own, boxes[0, 1:] + config.collision_margin - np.array([0.0, less]), poses, half)
+    size = boxes[0, 1:] + config.collision_margin + np.array([0.5 * front, -less])
+    middle = 0.5 * front * np.stack([np.sin(own[:, 2]), -np.cos(own[:, 2]), np.zeros(len(own))], axis=1)
+    touch = _overlap(own + middle, size, poses, half)
     counts = (likelihood >= config.likely) & (others[:, :, 0, 1] <= _BEHIND)
     return np.asarray((touch & counts[..., None]).any(axis=1))
 

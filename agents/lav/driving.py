@@ -185,7 +185,7 @@ class Driver:
         self._others, self._is_held = others, is_told
         before = 0.0 if is_held else allowed_speed(room - self._config.room, self._config)
         control = self._controller.follow(plan, speed, command, min(allowed, before))
-        is_free = not any(self._hit(creep_path(len(plan)), each).any() for each in others.values())
+        is_free = not any(self._hit(creep_path(len(plan)), each, front=0.0).any() for each in others.values())
         return self._stuck.step(control, speed, is_free, is_told)
 
     def halt(self, plan: Floats, speed: float, command: int) -> Control:
@@ -212,10 +212,13 @@ class Driver:
         )
         return wide and not narrow
 
-    def _hit(self, plan: Floats, others: Forecasts, less: float | None = None) -> NDArray[np.bool_]:
+    def _hit(
+        self, plan: Floats, others: Forecasts, less: float | None = None, front: float | None = None
+    ) -> NDArray[np.bool_]:
         boxes = np.concatenate([self._box[None], others.boxes])
         least = self._less if less is None else less
-        return touched(plan, others.paths, others.likelihood, boxes, self._config, least)
+        before = self._config.front_margin if front is None else front
+        return touched(plan, others.paths, others.likelihood, boxes, self._config, least, before)
 
 
 def drawings_of(outlook: Outlook, config: DriveConfig) -> dict[str, Drawing]:

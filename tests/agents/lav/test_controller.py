@@ -13,12 +13,13 @@ from agents.lav.controller import (
     Impatience,
     Pid,
     StuckCounter,
-    aim_angle,
+    aim_point,
     creep_path,
     planned_speed,
     touched,
 )
 from lavsim.types import Control
+from lavsim.world.dynamics import FULL_STEER_CURVATURE
 
 CONFIG = DriveConfig()
 
@@ -49,9 +50,18 @@ def test_it_drives_on_and_steers_to_the_side_of_the_plan() -> None:
     right = Controller(CONFIG).follow(arc(6.0, 12.0), 6.0, 1)
     left = Controller(CONFIG).follow(arc(6.0, 12.0) * (-1, 1), 6.0, 0)
     assert right.steer == pytest.approx(-left.steer)
+
+
+@pytest.mark.parametrize("speed", [2.5, 6.0, 9.0])
+def test_the_wheel_stands_for_the_arc_of_the_plan_at_any_speed(speed: float) -> None:
+    assert Controller(CONFIG).follow(arc(speed, 12.0), speed, 1).steer * FULL_STEER_CURVATURE == pytest.approx(1 / 12.0)
+
+
+def test_the_papers_gains_answer_the_angle_alone() -> None:
     aim = arc(6.0, 12.0)[4]
     error = math.atan2(aim[0], -aim[1]) / (math.pi / 2.0)
-    assert right.steer == pytest.approx(error * (0.8 + 0.5 / 40 + 0.2))
+    control = Controller(CONFIG.model_copy(update={"pursuit": False})).follow(arc(6.0, 12.0), 6.0, 1)
+    assert control.steer == pytest.approx(error * (0.8 + 0.5 / 40 + 0.2))
 
 
 @pytest.mark.parametrize(
@@ -102,11 +112,11 @@ def test_nobody_creeps_into_who_stands_before_it() -> None:
 
 def test_the_wheel_is_not_turned_for_a_waypoint_at_hand() -> None:
     crawl = straight(0.3) + np.array([0.2, 0.0])
-    assert abs(aim_angle(crawl, 4)) == pytest.approx(np.arctan2(0.2, 3.0))
+    assert abs(aim_point(crawl, 4)) == pytest.approx([0.2, 3.0])
     slow = straight(2.0) + np.array([0.2, 0.0])
-    assert aim_angle(slow, 4) == pytest.approx(np.arctan2(0.2, 3.0)), "the sixth is the first that is far enough"
+    assert aim_point(slow, 4) == pytest.approx([0.2, -3.0]), "the sixth is the first that is far enough"
     fast = straight(8.0) + np.array([0.2, 0.0])
-    assert aim_angle(fast, 4) == pytest.approx(np.arctan2(0.2, 10.0))
+    assert aim_point(fast, 4) == pytest.approx([0.2, -10.0])
 
 
 CAR = (2.4, 0.95)  # half length and half width [m]
