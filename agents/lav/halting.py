@@ -23,6 +23,7 @@ _STANDS = 0.1  # [m/s]
 _FAR = 18.0  # [m]
 _AVERAGED, _FIRST_LOOKS = 8.0, 0.5  # [m] driven over which distances are averaged; what looks at first weigh
 _LOOKS = 3  # of the network, whose median counts
+_LIGHT_NEAR, _LIGHT_GONE = 12.0, 3.0  # [m] nearer, a light holds until green is told, or none for so long [s]
 _SIGN_NEAR = 15.0  # [m] signs farther away are not stopped for yet
 _SIGN_STAND, _SIGN_GONE = 1.0, 2.0  # [s] to stand; not seen for so long, a sign is another one
 _OVER_LINE = 2.0  # [m]
@@ -34,7 +35,7 @@ class Told(NamedTuple):
 
     Attributes:
         stop: Probability that the expert would stop; a network that tells no causes says this alone.
-        red, yellow: Of the light that governs the ego.
+        red, yellow, green: Of the light that governs the ego.
         sign: That a stop sign is ahead.
         others: That somebody in the way stops it.
         distance: From the ego's front to the line of that light or sign [m].
@@ -46,6 +47,7 @@ class Told(NamedTuple):
     sign: float = 0.0
     others: float = 0.0
     distance: float = 0.0
+    green: float = 0.0
     tells_causes: bool = False
 
 
@@ -71,6 +73,11 @@ class Line:
         self._distance += is_told * weight / self._driven * (distance - self._distance)
         return self._distance
 
+    @property
+    def distance(self) -> float:
+        """[m] as it was last; infinite where there is none."""
+        return math.inf if self._distance is None else self._distance
+
     def forget(self) -> None:
         """There is no line."""
         self._distance = None
@@ -82,8 +89,10 @@ class Signals:
     def __init__(self, config: DriveConfig) -> None:
         self._config = config
         self._halts: deque[float] = deque([0.0] * _LOOKS, maxlen=_LOOKS)
+        self._greens: deque[float] = deque([0.0] * _LOOKS, maxlen=_LOOKS)
         self._signs: deque[float] = deque([0.0] * _LOOKS, maxlen=_LOOKS)
         self._light, self._sign = Line(), Line()
+        self._holds, self._unlit = False, 0  # ticks that no light is told
         self._passes = False  # a yellow light too near to stop, or a line that lies behind
         self._stood, self._unseen, self._is_done = 0, 0, False
 
@@ -97,13 +106,13 @@ class Signals:
         """
         if is_new:
             self._halts.append(told.red + told.yellow)
+            self._greens.append(told.green)
             self._signs.append(told.sign)
         return min(self._at_light(told, speed), self._at_sign(told, speed))
 
     def _at_light(self, told: Told, speed: float) -> float:
         config = self._config
-        halts = float(np.median(self._halts))
-        if halts < config.light_score:
+        if not self._is_lit():
             self._light.forget()
             self._passes = False
             return FREE
@@ -114,6 +123,16 @@ class Signals:
         if self._passes:
             return FREE
         return allowed_speed(distance - config.light_gap, config)
+
+    def _is_lit(self) -> bool:
+        """Whether a light ahead is red or yellow: near the line, lamps leave the view, and yellow is often missed."""
+        if np.median(self._halts) >= self._config.light_score:
+            self._holds, self._unlit = True, 0
+            return True
+        self._unlit += 1
+        is_far = self._light.distance > _LIGHT_NEAR
+        self._holds &= not (is_far or np.median(self._greens) > 0.5 or self._unlit * DT >= _LIGHT_GONE)
+        return self._holds
 
     def _at_sign(self, told: Told, speed: float) -> float:
         """Stands once before each sign."""

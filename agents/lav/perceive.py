@@ -179,9 +179,9 @@ class Perceiver:
             if outputs.ndim == 1:
                 return Told(stop)
             causes = causes_of(outputs)
-            _, red, yellow, _ = torch.softmax(causes.light[0], dim=0).tolist()
+            _, red, yellow, green = torch.softmax(causes.light[0], dim=0).tolist()
             sign, others = (float(torch.sigmoid(logit)[0]) for logit in (causes.sign, causes.others))
-            return Told(stop, red, yellow, sign, others, float(causes.distance[0]), tells_causes=True)
+            return Told(stop, red, yellow, sign, others, float(causes.distance[0]), green, tells_causes=True)
 
     def _precision(self, cache: bool = True) -> Any:
         return torch.autocast("cpu", torch.bfloat16, enabled=self._is_fast, cache_enabled=cache)

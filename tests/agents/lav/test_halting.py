@@ -15,7 +15,8 @@ from lavsim.types import DT
 
 CONFIG = DriveConfig()
 RED = Told(0.9, red=0.9, distance=20.0, tells_causes=True)
-GREEN = Told(0.9, tells_causes=True)
+GREEN = Told(0.9, green=0.9, tells_causes=True)
+NONE = Told(0.9, tells_causes=True)
 SIGN = Told(0.9, sign=0.9, distance=8.0, tells_causes=True)
 
 
@@ -49,6 +50,15 @@ def test_one_look_that_differs_changes_nothing() -> None:
     assert signals.step(RED, True, 5.0) == FREE
     assert run(signals, RED, 5.0, 3)[-1] < FREE
     assert signals.step(GREEN, True, 5.0) < FREE
+
+
+@pytest.mark.parametrize(("distance", "ticks", "holds"), [(9.0, 40, True), (9.0, 70, False), (20.0, 3, False)])
+def test_a_light_out_of_view_near_its_line_holds_for_a_while(distance: float, ticks: int, holds: bool) -> None:
+    signals = Signals(CONFIG)
+    run(signals, RED._replace(distance=distance), 0.0, 20)
+    assert (run(signals, NONE, 0.0, ticks)[-1] < FREE) == holds
+    run(signals, RED._replace(distance=distance), 0.0, 20)
+    assert run(signals, GREEN, 0.0, 3)[-1] == FREE, "green frees at once"
 
 
 @pytest.mark.parametrize(("distance", "passes"), [(4.0, True), (25.0, False)])
