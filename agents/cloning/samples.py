@@ -17,7 +17,7 @@ from lavsim.errors import ConfigError
 STANDS = 0.1  # [m/s]
 GOES = 1.0  # [m] farther at the end of a window: it drives on
 BENDS = 1.5  # [m] aside there
-_WAITING_STRIDE = 5  # of frames in which it waits every fifth
+_WAITING_STRIDE = 2  # of frames in which it waits every other
 _STARTS_AGAIN, _BENDS_AGAIN = 3, 3  # times
 
 

@@ -10,7 +10,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="cloning needs torch: pip install 'lavsim[lav]'")
 
-from agents.cloning.agent import CloningAgent
+from agents.cloning.agent import SHIPPED, CloningAgent, read_cloning
 from agents.cloning.measures import measures_of
 from agents.cloning.network import LEAST_TOLD, CloningNetwork
 from agents.cloning.samples import CloningSamples, read_samples, worth_learning
@@ -24,6 +24,7 @@ from agents.lav.training import train_stage
 from agents.lav.weights import Weights, read_weights, write_weights
 from lavsim.agent import AgentSpec, Track, plan_of
 from lavsim.agent_runner import InProcessAgent
+from lavsim.agent_source import load_agent_class, packaged_agents
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.schema import DatasetInfo, RecordConfig
 from lavsim.drawings import checked_all
@@ -37,7 +38,7 @@ from tests.drives import straight_drive
 
 MICRO = find_preset("micro")
 STEPS = MICRO.motion.waypoints
-GOLDEN = (1.26107, 0.81703)  # loss of two steps
+GOLDEN = (1.40882, 0.99003)  # loss of two steps
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +116,7 @@ def test_long_waits_are_learnt_seldom_starts_and_bends_often_and_pushes_never() 
     rows = [waits] * 10 + [cruise, start, bend, cruise]
     samples = made(*map(list, zip(*rows, strict=True)), pushed=np.arange(14) == 13)
     times = np.bincount(worth_learning(samples), minlength=14).tolist()
-    assert times == [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 3, 3, 0]
+    assert times == [1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 3, 3, 0]
 
 
 def test_measures_by_hand() -> None:
@@ -206,6 +207,14 @@ def test_it_drives_five_seconds_on_sensors_alone(tmp_path: Path) -> None:
         assert {"plan", "planned speed", "held"} <= set(checked_all(agent.drawings()))
         simulation.tick(control)
     agent.close()
+
+
+def test_weights_ship_and_the_agent_is_listed() -> None:
+    weights = read_cloning(None)
+    assert (weights.stage, weights.config.name) == ("cloning", "tiny")
+    assert SHIPPED.stat().st_size < 3_000_000
+    assert load_agent_class("agents.cloning:CloningAgent") is CloningAgent
+    assert dict(packaged_agents())["agents.cloning:CloningAgent"]
 
 
 @pytest.mark.slow
