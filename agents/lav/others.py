@@ -69,7 +69,7 @@ class _Followed(NamedTuple):
 
 
 class Others:
-    """Follows everybody."""
+    """Follows"""
 
     def __init__(self, config: DriveConfig) -> None:
         self._config = config
@@ -84,20 +84,21 @@ class Others:
             pose: Of the ego in the frame that stands still.
             moved: Way of the ego since the last tick [m].
         """
-        drive, all_ = self._config, self._followed(vehicles, walkers, pose, moved)
-        boxes, speeds, is_small = all_.boxes, np.hypot(*all_.velocities.T), all_.walks | (all_.boxes[:, 3] < _SMALL)
+        drive = self._config
+        boxes, rested, margin, walks, velocities, seen = self._followed(vehicles, walkers, pose, moved)
+        speeds, is_small = np.hypot(*velocities.T), walks | (boxes[:, 3] < _SMALL)
         rests = (speeds < drive.standing) & ~is_small  # who walks slowly is where he is found
-        boxes[rests] = all_.rested[rests]
+        boxes[rests] = rested[rests]
 
-        counts = (all_.seen >= drive.least_seen) & (all_.walks | (boxes[:, 1] < 0.0))
-        is_sure = counts & (all_.margin >= 0.0)
+        counts = (seen >= drive.least_seen) & (walks | (boxes[:, 1] < 0.0))
+        is_sure = counts & (margin >= 0.0)
         moves = counts & ~is_sure & (speeds > drive.doubtful_speed)  # cyclists; fences stand
-        steps_out = all_.walks & (all_.margin >= 0.0) & np.isnan(speeds) & _appears_near(boxes, moved / DT)
+        steps_out = walks & (margin >= 0.0) & np.isnan(speeds) & _appears_near(boxes, moved / DT)
         cars = np.flatnonzero(is_sure & ~is_small)
         nearest = cars[np.argsort(np.hypot(*boxes[cars, :2].T), kind="stable")][: drive.forecasts]
         people = (is_sure & is_small) | moves | steps_out
 
-        velocities = planner_from_world(all_.velocities, np.zeros(2), pose.yaw)
+        velocities = planner_from_world(velocities, np.zeros(2), pose.yaw)
         velocities[steps_out] = _towards_the_way(boxes[steps_out])
         return Found(boxes[nearest], velocities[nearest], boxes[people, :2], np.nan_to_num(velocities[people]))
 
