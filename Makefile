@@ -3,13 +3,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 RUNTIME := $(VENV)/.runtime-installed
+LAV := $(VENV)/.lav-installed
 DEV := $(VENV)/.dev-installed
 DOCS := $(VENV)/.docs-installed
 
 .PHONY: help score test test-slow lint bench docs wheel clean
 
 help:
-	@echo "make score      set up, then drive and score the bundled routes 'quick' with the behaviour agent"
+	@echo "make score      set up, then drive and score the bundled routes 'quick' with the LAV agent that ships"
 	@echo "make test       set up, then ruff, mypy and the tests"
 	@echo "make test-slow  the long tests"
 	@echo "make bench      the speed of each part on this machine"
@@ -27,6 +28,10 @@ $(RUNTIME): pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	@touch $@
 
+$(LAV): pyproject.toml $(RUNTIME)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[lav]'
+	@touch $@
+
 $(DEV): pyproject.toml $(RUNTIME)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,lav]'
 	@touch $@
@@ -35,8 +40,8 @@ $(DOCS): pyproject.toml $(RUNTIME)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
-score: $(RUNTIME)
-	$(BIN)/lavsim score --agent agents.behavior:BehaviorAgent --routes quick --out runs/score --overwrite
+score: $(LAV)
+	$(BIN)/lavsim score --agent agents.lav:LavAgent --routes quick --out runs/score --overwrite
 
 lint: $(DEV)
 	$(BIN)/ruff check .
