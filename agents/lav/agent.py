@@ -157,7 +157,7 @@ class LavAgent(Agent):
         """Who may come into the way, by kind."""
         drive, boxes = self.config.drive, found.vehicles
         stands = found.speeds < drive.standing  # not so where they are not known
-        sizes = np.maximum(boxes[:, 3:] - drive.slack * stands[:, None], 0.0)
+        sizes = np.maximum(boxes[:, 3:] - drive.slack * stands[:, None], 0.5 * boxes[:, 3:])
         return {
             "vehicle": vehicle_forecasts(outlook, boxes[:, :3], sizes, stands, found.velocities, drive.leader_brakes),
             "walker": straight_forecasts(found.walkers, found.walking, len(outlook.plan)),

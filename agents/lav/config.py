@@ -181,7 +181,7 @@ class DriveConfig(Config):
     )
     doubtful_speed: float = Field(default=1.5, ge=0.0, description="So fast, then [m/s].")
     forecasts: int = Field(default=8, ge=0, description="Vehicles whose motions are foreseen: the nearest ahead.")
-    slack: float = Field(default=0.3, ge=0.0, description="Taken off found boxes that stand: they are so far off [m].")
+    slack: float = Field(default=0.3, ge=0.0, description="Taken off found boxes that stand, up to half [m].")
     standing: float = Field(default=0.8, ge=0.0, description="Tracked slower than this, a vehicle stands [m/s].")
     comfort: float = Field(default=3.0, gt=0.0, description="Brakes so for lines and others ahead [m/s²].")
     room: float = Field(default=1.5, ge=0.0, description="Kept before others that are in the way [m].")

@@ -19,12 +19,13 @@ from lavsim.types import DT
 
 Floats = NDArray[np.float64]
 
-_RESTING, _MARGIN, _WALKS = 6, 6, 7  # numbers of a box that stands; what is tracked beside it
+_RESTING, _MARGIN, _AS_WALKER = 6, 6, 7  # numbers of a box that stands; what is tracked beside it
 _COAST = 4  # ticks that who was found is taken to be there still
 _FULL_BRAKES, _REACTION, _FRONT = 8.0, 0.35, 4.0  # [m/s²], [s], [m] of the ego and before it
 _STEPS_OUT, _BESIDE = 3.0, 1.2  # [m/s] towards the way, of who lies that far aside [m]
 _SAME = 1.0  # [m] between a walker and a vehicle that are one
 _SMALL = 0.55  # [m] half length of who walks, whatever it is found as; bicycles have 0.75 and more
+_WIDE = 1.3  # [m] half length of who can't be a walker, though he was found as one
 
 
 class Found(NamedTuple):
@@ -58,7 +59,7 @@ class _Seen(NamedTuple):
 
 class _Followed(NamedTuple):
     """Everybody who is there: boxes now and at rest (N, 5), margin and kind as above, velocities in the frame that
-    stands still (N, 2) [m/s], and ticks in which each was found (N,)."""
+    stands still (N, 2) [m/s], and ticks in which each was found (N,). Who was once found as a walker is one."""
 
     boxes: Floats
     rested: Floats
@@ -73,7 +74,7 @@ class Others:
 
     def __init__(self, config: DriveConfig) -> None:
         self._config = config
-        self._tracker = Tracker(_WALKS + 1)
+        self._tracker = Tracker(_AS_WALKER + 1, highest=1)
 
     def update(self, vehicles: Detections, walkers: Detections, pose: Pose, moved: float) -> Found:
         """Takes in a tick.
@@ -105,14 +106,19 @@ class Others:
     def _followed(self, vehicles: Detections, walkers: Detections, pose: Pose, moved: float) -> _Followed:
         """Everybody who is found, and who is missed for a moment."""
         boxes, margin, walks = self._joined(vehicles, walkers)
-        tracks = self._tracker.update(np.column_stack([_resting(boxes, pose), margin, walks]), moved)
+        as_walker = np.where(walks, margin, -1.0)
+        tracks = self._tracker.update(np.column_stack([_resting(boxes, pose), margin, as_walker]), moved)
         missed = self._tracker.coasting(_COAST)
         lost, rested = missed.rested, np.concatenate([tracks.rested, missed.rested])
+        boxes = np.concatenate([boxes, _unresting(lost, pose)])
+        best, margin = rested[:, _AS_WALKER], np.concatenate([margin, lost[:, _MARGIN]])
+        walked = (best >= 0.0) & (boxes[:, 3] < _WIDE)
+        walked[: len(walks)] |= walks
         return _Followed(
-            np.concatenate([boxes, _unresting(lost, pose)]),
+            boxes,
             _unresting(rested, pose),
-            np.concatenate([margin, lost[:, _MARGIN]]),
-            np.concatenate([walks, lost[:, _WALKS] > 0.5]),
+            np.where(walked, np.maximum(margin, best), margin),
+            walked,
             np.concatenate([tracks.velocities, missed.velocities]),
             np.concatenate([tracks.seen, missed.seen]),
         )

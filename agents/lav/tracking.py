@@ -28,7 +28,7 @@ class Tracked(NamedTuple):
 
     Attributes:
         velocities: (N, 2) [m/s], not a number where they are not known yet.
-        rested: (N, D) means of what was found, for those who stand.
+        rested: (N, D) means of what was found, for those who stand; the largest of columns that are not averaged.
         seen: (N,) ticks in which each was found.
     """
 
@@ -38,9 +38,15 @@ class Tracked(NamedTuple):
 
 
 class Tracker:
-    """One Kalman filter an actor, constant velocity, the nearest detection each."""
+    """One Kalman filter an actor, constant velocity, the nearest detection each.
 
-    def __init__(self, columns: int = 2) -> None:
+    Args:
+        columns: Of what is found of an actor, its place first.
+        highest: So many of the last are not averaged: their largest value since the actor was first found is told.
+    """
+
+    def __init__(self, columns: int = 2, highest: int = 0) -> None:
+        self._averaged = columns - highest
         self._state = np.zeros((0, 2, 2))  # by track: place and velocity, by axis
         self._spread = np.zeros((0, 2, 2))  # the same for both axes
         self._missed = np.zeros(0, np.int64)
@@ -104,7 +110,10 @@ class Tracker:
         looks = np.where(drives, 1.0, np.minimum(self._looks[tracks] + weight, _MOST))
         gain = np.where(drives, 1.0, weight / looks)
         self._looks[tracks] = looks
-        self._mean[tracks] += gain[:, None] * (found - self._mean[tracks])
+        mean = self._mean[tracks]
+        mean += np.where(np.arange(found.shape[1]) < self._averaged, gain[:, None], 0.0) * (found - mean)
+        mean[:, self._averaged :] = np.maximum(mean, found)[:, self._averaged :]
+        self._mean[tracks] = mean
 
     def _renew(self, tracks: NDArray[np.int64], found: Floats) -> None:
         """Forgets the lost, begins with the new."""

@@ -95,3 +95,22 @@ def test_who_has_stood_there_is_not_taken_to_step_out() -> None:
         here = (3.0, -25.0 + 12.0 * DT * tick)
         found = others.update(seen(), seen((here, WALKER, 0.6)), pose, 12.0 * DT)
     assert np.hypot(*found.walking[0]) < 0.5
+
+
+def test_who_was_found_as_a_walker_stays_one_in_doubt() -> None:
+    others = Others(DriveConfig())
+    for tick in range(12):
+        here = (4.0 - 3.0 * DT * tick, -12.0)
+        doubt, sure = seen((here, (0.8, 0.35), 0.2)), seen((here, WALKER, 0.5))
+        found = others.update(*((seen(), sure) if tick == 3 else (doubt, seen())), HERE, 12.0 * DT)
+        assert len(found.walkers) == (tick >= 3), "before, nothing tells him from a fence"
+        assert len(found.vehicles) == 0
+    assert found.walking[0, 0] < -1.5
+
+
+def test_a_car_is_no_walker_though_it_was_found_as_one() -> None:
+    others = Others(DriveConfig())
+    others.update(seen(), seen(((3.0, -10.0), WALKER, 0.6)), HERE, 0.0)
+    for _ in range(5):
+        found = others.update(seen(((3.0, -10.0), CAR, 0.6)), seen(), HERE, 0.0)
+    assert (len(found.walkers), len(found.vehicles)) == (0, 1)
