@@ -192,7 +192,7 @@ class DriveConfig(Config):
     yield_time: float = Field(default=8.0, gt=0.0, description="So long until it does so fully [s].")
     most_yield: float = Field(default=0.4, ge=0.0, description="Margins aside are then smaller by [m].")
     least_seen: int = Field(default=3, ge=1, description="Ticks in which somebody is found before he counts.")
-    light_score: float = Field(default=0.6, ge=0.0, le=1.0, description="Red or yellow is told above.")
+    light_score: float = Field(default=0.4, ge=0.0, le=1.0, description="Red or yellow is told above.")
     light_gap: float = Field(
         default=7.0, description="From its front to the end of a light's lane [m]; it is painted 5 m before."
     )
