@@ -105,7 +105,8 @@ class Signals:
             speed: Of the ego [m/s].
         """
         if is_new:
-            self._halts.append(told.red + told.yellow)
+            # A green light that is taken for yellow would hold who stands for good, and yellow does not last.
+            self._halts.append(told.red + told.yellow * (speed >= _STANDS))
             self._greens.append(told.green)
             self._signs.append(told.sign)
         return min(self._at_light(told, speed), self._at_sign(told, speed))

@@ -61,6 +61,16 @@ def test_a_light_out_of_view_near_its_line_holds_for_a_while(distance: float, ti
     assert run(signals, GREEN, 0.0, 3)[-1] == FREE, "green frees at once"
 
 
+def test_green_taken_for_yellow_holds_who_stands_for_seconds_only() -> None:
+    signals, doubt = Signals(CONFIG), Told(0.9, yellow=0.45, green=0.45, distance=9.0, tells_causes=True)
+    run(signals, RED._replace(distance=9.0), 0.0, 20)
+    assert run(signals, doubt, 0.0, 40)[-1] == pytest.approx(
+        run(Signals(CONFIG), RED._replace(distance=9.0), 0.0, 40)[-1]
+    )
+    assert run(signals, doubt, 0.0, 30)[-1] == FREE
+    assert run(Signals(CONFIG), doubt._replace(distance=20.0), 6.0, 5)[-1] < FREE, "who drives stops for it"
+
+
 @pytest.mark.parametrize(("distance", "passes"), [(4.0, True), (25.0, False)])
 def test_a_yellow_light_too_near_is_passed(distance: float, passes: bool) -> None:
     signals = Signals(CONFIG)
