@@ -24,6 +24,7 @@ _FAR = 18.0  # [m]
 _AVERAGED, _FIRST_LOOKS = 8.0, 0.5  # [m] driven over which distances are averaged; what looks at first weigh
 _LOOKS = 3  # of the network, whose median counts
 _LIGHT_NEAR, _LIGHT_GONE = 12.0, 3.0  # [m] nearer, a light holds until green is told, or none for so long [s]
+_LIGHT_SEEN = 0.3  # that there is a light at all
 _SIGN_NEAR = 15.0  # [m] signs farther away are not stopped for yet
 _SIGN_STAND, _SIGN_GONE = 1.0, 2.0  # [s] to stand; not seen for so long, a sign is another one
 _OVER_LINE = 2.0  # [m]
@@ -93,6 +94,7 @@ class Signals:
         self._signs: deque[float] = deque([0.0] * _LOOKS, maxlen=_LOOKS)
         self._light, self._sign = Line(), Line()
         self._holds, self._unlit = False, 0  # ticks that no light is told
+        self._has_waited = False
         self._passes = False  # a yellow light too near to stop, or a line that lies behind
         self._stood, self._unseen, self._is_done = 0, 0, False
 
@@ -105,8 +107,8 @@ class Signals:
             speed: Of the ego [m/s].
         """
         if is_new:
-            # A green light that is taken for yellow would hold who stands for good, and yellow does not last.
-            self._halts.append(told.red + told.yellow * (speed >= _STANDS))
+            self._waits(told, speed)
+            self._halts.append(told.red + told.yellow * (not self._has_waited))
             self._greens.append(told.green)
             self._signs.append(told.sign)
         return min(self._at_light(told, speed), self._at_sign(told, speed))
@@ -124,6 +126,14 @@ class Signals:
         if self._passes:
             return FREE
         return allowed_speed(distance - config.light_gap, config)
+
+    def _waits(self, told: Told, speed: float) -> None:
+        """Whether it has stood before this light: it is then held by red alone.
+
+        Yellow does not last, and a green light that is taken for yellow would hold it for good.
+        """
+        is_another = told.distance > _FAR or told.red + told.yellow + told.green < _LIGHT_SEEN
+        self._has_waited = (self._holds and speed < _STANDS) or (self._has_waited and not is_another)
 
     def _is_lit(self) -> bool:
         """Whether a light ahead is red or yellow: near the line, lamps leave the view, and yellow is often missed."""

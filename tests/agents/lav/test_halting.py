@@ -68,6 +68,8 @@ def test_green_taken_for_yellow_holds_who_stands_for_seconds_only() -> None:
         run(Signals(CONFIG), RED._replace(distance=9.0), 0.0, 40)[-1]
     )
     assert run(signals, doubt, 0.0, 30)[-1] == FREE
+    assert run(signals, doubt, 3.0, 30)[-1] == FREE, "nor who drives off"
+    assert run(signals, RED._replace(distance=9.0), 3.0, 5)[-1] < FREE
     assert run(Signals(CONFIG), doubt._replace(distance=20.0), 6.0, 5)[-1] < FREE, "who drives stops for it"
 
 
