@@ -15,7 +15,7 @@ from agents.lav.config import DriveConfig
 from agents.lav.controller import planned_speed
 from agents.lav.data.images import as_batch, shrunk
 from agents.lav.devices import has_bfloat16
-from agents.lav.driving import Driver
+from agents.lav.driving import HALF_SIZE, Driver
 from agents.lav.frames import vehicle_from_planner
 from agents.lav.perceive import CAMERAS, SUITE
 from agents.lav.readings import Waypointer, rgb_of, speed_of
@@ -30,7 +30,6 @@ Floats = NDArray[np.float64]
 SHIPPED = Path(__file__).parent / "trained" / "cloning-tiny.safetensors"
 _STAGE = "cloning"
 _READ = (*CAMERAS, "GPS", "IMU", "EGO")
-_HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
 
 
 def get_entry_point() -> str:
@@ -63,7 +62,7 @@ class CloningAgent(Agent):
         self._network = CloningNetwork(weights.config)
         self._network.load_state_dict(dict(weights.tensors))
         self._network.eval().requires_grad_(False)
-        self._driver = Driver(self._drive, _HALF_SIZE)
+        self._driver = Driver(self._drive, HALF_SIZE)
         self._way: Waypointer | None = None
         self._steer = 0.0
         self._plan: Floats | None = None

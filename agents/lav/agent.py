@@ -18,6 +18,7 @@ from agents.lav.config import DriveConfig
 from agents.lav.controller import BrakeHold
 from agents.lav.data.points import SCORES
 from agents.lav.driving import (
+    HALF_SIZE,
     Driver,
     Forecasts,
     Outlook,
@@ -41,7 +42,6 @@ from lavsim.types import DT, Control
 
 Floats = NDArray[np.float64]
 
-_HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
 _SHOWN_SCORE, _SHOWN_LEVELS = 0.3, 8  # of a painted point; of the map, whose few levels pack well
 _PAINTED = {"painted vehicle": 3, "painted walker": 0}  # among a point's scores
 
@@ -85,7 +85,7 @@ class LavAgent(Agent):
         torch.set_num_threads(1)
         self._eyes = Perceiver(read_trained(given.weights or None), given.drive)
         self.config = self._eyes.config
-        self._driver, self._hold = Driver(self.config.drive, _HALF_SIZE), BrakeHold(self.config.drive)
+        self._driver, self._hold = Driver(self.config.drive, HALF_SIZE), BrakeHold(self.config.drive)
         self._scans = Scans(self.config)
         self._others = Others(self.config.drive)
         self._way: Waypointer | None = None

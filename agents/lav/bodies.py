@@ -18,17 +18,20 @@ _ABOVE = 0.4  # [m] over the ground
 _AROUND = 0.4  # [m] that boxes are found off
 
 
-def with_body(found: Detections, scan: Floats, height: float) -> Detections:
-    """Those with a point above the ground within their box, and those farther away.
+def body_points(scan: Floats, height: float) -> Floats:
+    """(N, 2) points ahead, right [m] near the ego and above the ground.
 
     Args:
-        found: In the planner frame.
         scan: (P, F) points ahead, right, up of the LiDAR [m].
         height: Of the LiDAR over the ground [m].
     """
+    return scan[(scan[:, 2] > _ABOVE - height) & (np.abs(scan[:, :2]) < _REACH + 3.0).all(axis=1), :2]
+
+
+def with_body(found: Detections, body: Floats) -> Detections:
+    """Those with a point of `body_points` within their box, and those farther away; boxes in the planner frame."""
     boxes = found.boxes.numpy().astype(np.float64)
     is_near = np.hypot(boxes[:, 0], boxes[:, 1]) < _REACH
-    body = scan[(scan[:, 2] > _ABOVE - height) & (np.abs(scan[:, :2]) < _REACH + 3.0).all(axis=1)]
     dx, dy = body[:, 1] - boxes[is_near, :1], -body[:, 0] - boxes[is_near, 1:2]
     cos, sin = np.cos(boxes[is_near, 2:3]), np.sin(boxes[is_near, 2:3])
     along, aside = np.abs(dx * sin - dy * cos), np.abs(dx * cos + dy * sin)

@@ -36,6 +36,7 @@ from lavsim.types import Control
 
 Floats = NDArray[np.float64]
 
+HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
 WALKER_REACH, STANDING_REACH = 0.7, 0.5  # [m] kept free around a walker, and around one who stands
 _WALKS = 0.3  # [m/s]
 _RIDER = 1.3  # [m] half length; of two-wheelers no learned forecast is any good

@@ -7,7 +7,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
 
-from agents.lav.bodies import with_body
+from agents.lav.bodies import body_points, with_body
 from agents.lav.models.detection import Detections
 
 HEIGHT = 2.4
@@ -19,7 +19,7 @@ def kept(place: tuple[float, float], body: tuple[float, float, float] | None, ya
     box = torch.tensor([[place[1], -place[0], yaw, 2.2, 0.9]])
     scan = GROUND.reshape(3, -1).T.astype(np.float32)
     points = scan if body is None else np.concatenate([scan, np.array([body], np.float32)])
-    return len(with_body(Detections(box, torch.tensor([0.5])), points, HEIGHT).scores) == 1
+    return len(with_body(Detections(box, torch.tensor([0.5])), body_points(points, HEIGHT)).scores) == 1
 
 
 @pytest.mark.parametrize(
@@ -42,4 +42,4 @@ def test_who_is_near_needs_a_body(
 
 def test_nobody_found_is_nobody_kept() -> None:
     none = Detections(torch.zeros((0, 5)), torch.zeros(0))
-    assert len(with_body(none, np.zeros((0, 4), np.float32), HEIGHT).scores) == 0
+    assert len(with_body(none, body_points(np.zeros((0, 4), np.float32), HEIGHT)).scores) == 0
