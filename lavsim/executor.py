@@ -2,6 +2,7 @@
 
 A task and its result cross between our own processes only; what is large goes to disk where the task itself writes it.
 A worker that dies takes one task with it: the task is tried once more, then reported as lost, and the others go on.
+Within `with executor:` its workers live on from one run to the next, and keep the towns that they have read.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 from lavsim.errors import ConfigError
 
@@ -50,6 +51,12 @@ class Done(Generic[T, R]):
 class Executor(Protocol):
     """Runs tasks; the order in which they end is nobody's promise."""
 
+    def __enter__(self) -> Self:
+        """Keeps what it runs tasks on."""
+
+    def __exit__(self, *_: object) -> None:
+        """Lets go of it."""
+
     def run(self, work: Work[T, R], tasks: Iterable[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
         """Runs `work(task, report)` for each task and gives each as it ends.
 
@@ -61,7 +68,17 @@ class Executor(Protocol):
         """
 
 
-class SerialExecutor:
+class _NothingKept:
+    """An executor that has nothing to keep."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+class SerialExecutor(_NothingKept):
     """One task after the other in this process."""
 
     def run(self, work: Work[T, R], tasks: Iterable[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
@@ -75,6 +92,18 @@ class ProcessExecutor:
 
     def __init__(self, workers: int) -> None:
         self._workers = workers
+        self._keeps = False
+        self._kept: _Crew | None = None
+
+    def __enter__(self) -> Self:
+        self._keeps = True
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._keeps = False
+        if self._kept is not None:
+            self._kept.dismiss()
+            self._kept = None
 
     def run(self, work: Work[T, R], tasks: Iterable[T], on_report: Report | None = None) -> Iterator[Done[T, R]]:
         report, waiting = on_report or _ignore, iter(tasks)
@@ -95,40 +124,83 @@ class ProcessExecutor:
         begun = list(itertools.islice(waiting, _AHEAD * workers))
         if not begun:
             return []
-        context = multiprocessing.get_context("spawn")
-        reports = context.SimpleQueue()
-        left: list[T] = []
-        with _single_threaded(), ProcessPoolExecutor(workers, context, _prepare, (reports, os.getpid())) as pool:
-            pending: dict[Future[R], T] = {pool.submit(_run, work, task): task for task in begun}
-            try:
-                while pending:
-                    ended, _ = wait(pending, _POLL, FIRST_COMPLETED)
-                    while not reports.empty():
-                        report(reports.get())
-                    for future in [f for f in pending if f in ended]:
-                        task = pending.pop(future)
-                        try:
-                            yield Done(task, future.result())
-                        except BrokenProcessPool:
-                            left.append(task)
-                    room = 0 if left else _AHEAD * workers - len(pending)
-                    for task in itertools.islice(waiting, room):
-                        try:
-                            pending[pool.submit(_run, work, task)] = task
-                        except BrokenProcessPool:
-                            left.append(task)
-            finally:
-                if pending:  # interrupted, or a task raised: what still runs is of no use to anybody
-                    processes = list((pool._processes or {}).values())  # shutdown forgets them
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    for process in processes:
-                        process.terminate()
-                    for process in processes:
-                        process.join()
+        crew, left = self._crew(workers), list[T]()
+        pending: dict[Future[R], T] = {crew.submit(work, task): task for task in begun}
+        try:
+            while pending:
+                ended, _ = wait(pending, _POLL, FIRST_COMPLETED)
+                while not crew.reports.empty():
+                    report(crew.reports.get())
+                for future in [f for f in pending if f in ended]:
+                    task = pending.pop(future)
+                    try:
+                        yield Done(task, future.result())
+                    except BrokenProcessPool:
+                        left.append(task)
+                room = 0 if left else _AHEAD * workers - len(pending)
+                for task in itertools.islice(waiting, room):
+                    try:
+                        pending[crew.submit(work, task)] = task
+                    except BrokenProcessPool:
+                        left.append(task)
+        finally:
+            if pending:  # interrupted, or a task raised: what still runs is of no use to anybody
+                crew.kill()
+            elif self._keeps and workers == self._workers and not left:
+                self._kept = crew
+            else:
+                crew.dismiss()
         return left
 
+    def _crew(self, workers: int) -> _Crew:
+        """Workers to run tasks on: those kept, if there are."""
+        kept, self._kept = self._kept, None
+        if kept is not None and workers == self._workers:
+            return kept
+        if kept is not None:
+            kept.dismiss()
+        return _Crew(workers)
 
-class RayExecutor:
+
+class _Crew:
+    """Worker processes.
+
+    Args:
+        workers: How many.
+
+    Attributes:
+        reports: What tasks tell on their way.
+    """
+
+    def __init__(self, workers: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.reports: Any = context.SimpleQueue()
+        self._pool = ProcessPoolExecutor(workers, context, _prepare, (self.reports, os.getpid()))
+
+    def submit(self, work: Work[T, R], task: T) -> Future[R]:
+        """Begins a task.
+
+        Raises:
+            BrokenProcessPool: a worker has died.
+        """
+        with _single_threaded():  # workers start when there is something to do
+            return self._pool.submit(_run, work, task)
+
+    def dismiss(self) -> None:
+        """Ends the workers once they have nothing to do."""
+        self._pool.shutdown()
+
+    def kill(self) -> None:
+        """Ends the workers in the middle of what they do."""
+        processes = list((self._pool._processes or {}).values())  # shutdown forgets them
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.join()
+
+
+class RayExecutor(_NothingKept):
     """Tasks on a Ray cluster whose machines share this one's files.
 
     Args:

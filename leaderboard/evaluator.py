@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from lavsim.agent_source import find_agent
 from lavsim.errors import LavsimError, OutputError, RouteError
-from lavsim.executor import make_executor
+from lavsim.executor import Executor, Report, make_executor
 from lavsim.sensors.suites import find_suite
 from lavsim.simulation import Simulation
 from leaderboard.benchmark import LOOK, benchmark_id, versions
@@ -77,7 +77,6 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
         LavsimError: a mistake in the configuration, the route file, the town or the agent's name, or a run to resume
             that is another one; nothing was driven.
     """
-    rules = config.rule_set
     entries = select_routes(read_routes(config.routes), config.route_ids)
     if config.scenarios_json is not None:
         entries = with_scenarios(entries, read_scenarios(config.scenarios_json), config.town_path)
@@ -87,10 +86,26 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
     tasks = list(_tasks(entries, config))
     if tasks:
         warm_up(tasks[0])
-    digests = {task.entry.town: _check(task) for task in tasks if task.repetition == 0}
-    executor = make_executor(config.workers, config.cluster)
+    parallel = config.workers > 1 or config.cluster is not None
+    with make_executor(config.workers, config.cluster) as executor:
+        header = _header(config, entries, _checked(tasks, executor))
+        if config.resume:
+            _check_same(config, header)
+        claim_folder(config.out, config.overwrite, config.resume)
+        book = _Book(config, header, tasks, on_progress)
+        for done in executor.run(drive_task, longest_first(book.waiting) if parallel else book.waiting, book.report):
+            book.enter(done.task, done.result or lost_drive(done.task, done.lost or ""), keep=done.lost is None)
+        book.write(finished=True)
+        made = Run.load(config.out)
+        write_report(made, executor=executor)
+    return made
+
+
+def _header(config: EvaluationConfig, entries: Sequence[RouteEntry], digests: dict[str, str]) -> dict[str, Any]:
+    """What a run file says besides the drives; `digests` by town."""
+    rules = config.rule_set
     profiles = [traffic_of(entry.traffic, config) for entry in entries]
-    header = {
+    return {
         "schema": RUN_SCHEMA,
         "benchmark_id": benchmark_id(entries, digests, profiles, config.repetitions, rules, config.latency),
         "versions": versions(),
@@ -101,16 +116,6 @@ def evaluate(config: EvaluationConfig, on_progress: OnProgress | None = None) ->
         "seeds": [config.seed_of(k) for k in range(config.repetitions)],
         "track": config.track,
     }
-    if config.resume:
-        _check_same(config, header)
-    claim_folder(config.out, config.overwrite, config.resume)
-    book = _Book(config, header, tasks, on_progress)
-    for done in executor.run(drive_task, book.waiting, book.report):
-        book.enter(done.task, done.result or lost_drive(done.task, done.lost or ""), keep=done.lost is None)
-    book.write(finished=True)
-    made = Run.load(config.out)
-    write_report(made)
-    return made
 
 
 class _Book:
@@ -191,6 +196,11 @@ class _Book:
         )
 
 
+def longest_first(tasks: Sequence[DriveTask]) -> list[DriveTask]:
+    """Drives in the order in which several workers end soonest: what is left for the end is short."""
+    return sorted(tasks, key=lambda task: (-task.entry.length, task.index))
+
+
 def _check_same(config: EvaluationConfig, header: dict[str, Any]) -> None:
     """Refuses to go on with a run that was started otherwise; a folder without a run is begun in."""
     if not (config.out / RUN).exists():
@@ -212,14 +222,44 @@ def _check_same(config: EvaluationConfig, header: dict[str, Any]) -> None:
         )
 
 
-def _check(task: DriveTask) -> str:
-    """The digest of the route's town, once it is known that the route and its hazards can be driven there."""
-    entry = task.entry
-    try:
-        return Simulation(task.spec()).town.digest
-    except LavsimError as error:
-        where = entry.file if str(error).startswith("route ") else f"{entry.source}:"
-        raise RouteError(f"{where} {error}") from None
+def _checked(tasks: Sequence[DriveTask], executor: Executor) -> dict[str, str]:
+    """The digests of the routes' towns, once it is known that all routes and their hazards can be driven there.
+
+    Raises:
+        RouteError: one can't, the first in order.
+    """
+    towns: dict[str, list[DriveTask]] = {}
+    for task in tasks:
+        if task.repetition == 0:
+            towns.setdefault(task.entry.town, []).append(task)
+    found = list(executor.run(_check_town, towns.values()))
+    for done in found:
+        if done.lost:
+            raise RouteError(f"{done.task[0].entry.source}: the town can't be read: {done.lost}")
+    wrong = [done.result.problem for done in found if done.result is not None and done.result.problem is not None]
+    if wrong:
+        raise RouteError(min(wrong)[1])
+    return {done.task[0].entry.town: done.result.digest for done in found if done.result is not None}
+
+
+class _Checked(NamedTuple):
+    """A town's digest, or the number of the first drive that can't be driven there and why."""
+
+    digest: str
+    problem: tuple[int, str] | None = None
+
+
+def _check_town(tasks: Sequence[DriveTask], _: Report) -> _Checked:
+    """Sets all drives in a town up."""
+    digest = ""
+    for task in tasks:
+        entry = task.entry
+        try:
+            digest = Simulation(task.spec()).town.digest
+        except LavsimError as error:
+            where = entry.file if str(error).startswith("route ") else f"{entry.source}:"
+            return _Checked("", (task.index, f"{where} {error}"))
+    return _Checked(digest)
 
 
 def _tasks(entries: Sequence[RouteEntry], config: EvaluationConfig) -> Iterator[DriveTask]:

@@ -64,6 +64,11 @@ class Run:
         """Mean scores; empty while the run goes on."""
         return dict(self.total.get("scores_mean") or self.total.get("scores") or {})
 
+    def of_one(self, record: dict[str, Any]) -> Run:
+        """The same run as if it had this drive alone."""
+        results = {**self.results, "_checkpoint": {**self.results["_checkpoint"], "records": [record]}}
+        return Run(self.folder, results, {**self.run, "drives": [self.drive(record["index"])]})
+
     def drive(self, index: int) -> dict[str, Any]:
         """The run file's entry of a drive; empty if it has none."""
         return next((d for d in self.run.get("drives", []) if d["index"] == index), {})

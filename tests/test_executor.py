@@ -63,6 +63,27 @@ def test_reports_arrive(executor: Any) -> None:
     assert sorted(seen) == [1, 2, 3]
 
 
+def process_of(task: int, report: Report) -> int:
+    if task == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.2)  # so that one worker alone does not do all
+    return os.getpid()
+
+
+def test_workers_live_on_within_the_executor_and_no_longer() -> None:
+    with ProcessExecutor(2) as executor:
+        first = set(results(executor, process_of, [0, 1, 4, 5]).values())
+        again = set(results(executor, process_of, [0, 1, 4, 5]).values())
+        assert len(first) == 2
+        assert again == first
+        killed = results(executor, process_of, [3])
+        assert killed == {3: None}
+        others = set(results(executor, process_of, [0, 1, 4, 5]).values())
+        assert not others & first, "who lost a worker begins with new ones"
+    assert not any(map(psutil.pid_exists, first | others))
+    assert not set(results(executor, process_of, [0]).values()) & others
+
+
 def test_a_task_that_kills_its_process_is_lost_and_no_other() -> None:
     done = {d.task: d for d in ProcessExecutor(2).run(deadly, list(range(6)))}
     assert sorted(done) == list(range(6))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.errors import LavsimError
+from lavsim.executor import Report
 from lavsim.log.drawings import SUFFIX
 from lavsim.log.replay import draws_of
 from lavsim.types import DT
@@ -31,6 +33,38 @@ from leaderboard.table import short_name
 
 _JPEG_QUALITY = 86  # of embedded pictures; the files beside are lossless
 _MOST_MARKS = 200  # infractions drawn on maps and charts; the list has all
+
+
+@dataclass(frozen=True)
+class PartTask:
+    """A drive to be told of: its place in the report, the run with this drive alone, and whether it gets a replay."""
+
+    index: int
+    run: Run
+    with_replay: bool
+
+
+class Part(NamedTuple):
+    """What is told of a drive: its section, and what hazards it met."""
+
+    section: Markup
+    tallies: Tallies
+
+
+def part_of(task: PartTask, _: Report) -> Part:
+    """Reads a drive, writes its replay where one is asked for, and tells of it.
+
+    One at a time in a process: a drive's numbers take tens of megabytes.
+    """
+    drive, tallies = DriveReport(task.run, task.run.records[0], task.with_replay), Tallies()
+    drive.count(tallies)
+    return Part(drive.section(), tallies)
+
+
+def lost_part(task: PartTask, reason: str) -> Part:
+    """What is told of a drive that could not be read."""
+    record = task.run.records[0]
+    return Part(el("section", el("h3", drive_name(task.run, record)), el("p", reason), class_="card drive"), {})
 
 
 class DriveReport:

@@ -65,6 +65,17 @@ def count_hazards(
             tally.contacts += int(((other >= own[0]) & (other < own[1])).sum())
 
 
+def add_tallies(tallies: Tallies, more: Tallies) -> None:
+    """Adds those of other drives to `tallies`."""
+    for kind, tally in more.items():
+        total = tallies.setdefault(kind, Tally())
+        total.planned += tally.planned
+        total.met += tally.met
+        total.infractions += tally.infractions
+        total.contacts += tally.contacts
+        total.scores += tally.scores
+
+
 def hazard_table(tallies: Tallies) -> Markup | None:
     """A row a hazard; None where there was none."""
     if not tallies:

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from lavsim.executor import Executor, SerialExecutor
 from leaderboard.criteria.base import charges_of
 from leaderboard.record import write_text
 from leaderboard.report.beside import beside_the_score
-from leaderboard.report.drive import DriveReport, drive_name, duration, pill
-from leaderboard.report.hazards import Tallies, hazard_table
+from leaderboard.report.drive import PartTask, drive_name, duration, lost_part, part_of, pill
+from leaderboard.report.hazards import Tallies, add_tallies, hazard_table
 from leaderboard.report.markup import Child, Markup, el, join
 from leaderboard.report.style import STYLE
 from leaderboard.rules import get_rules
@@ -21,28 +22,29 @@ from leaderboard.table import short_name
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
-def write_report(run: Run, with_replays: bool = True) -> Path:
+def write_report(run: Run, with_replays: bool = True, executor: Executor | None = None) -> Path:
     """Writes the report of `run` and the replays of its drives into its folder, and gives the report's path."""
     path = run.folder / REPORT
-    write_text(path, page(run, with_replays))
+    write_text(path, page(run, with_replays, executor))
     return path
 
 
-def page(run: Run, with_replays: bool = False) -> str:
+def page(run: Run, with_replays: bool = False, executor: Executor | None = None) -> str:
     """The whole document.
 
     Args:
         run: The run.
         with_replays: Whether the replays of its drives are written, too.
+        executor: What reads the drives; None: this process, one after the other.
     """
     config = run.run.get("config", {})
     title = f"{config.get('agent', 'agent')} on {config.get('routes', 'routes')}"
+    tasks = [PartTask(index, run.of_one(record), with_replays) for index, record in enumerate(run.records)]
+    done = sorted((executor or SerialExecutor()).run(part_of, tasks), key=lambda each: each.task.index)
+    parts = [each.result or lost_part(each.task, each.lost or "") for each in done]
     tallies: Tallies = {}
-    sections = []
-    for record in run.records:
-        drive = DriveReport(run, record, with_replays)  # one at a time: a drive's numbers take tens of megabytes
-        drive.count(tallies)
-        sections.append(drive.section())
+    for part in parts:
+        add_tallies(tallies, part.tallies)
     hazards = hazard_table(tallies)
     return document(
         title,
@@ -57,7 +59,7 @@ def page(run: Run, with_replays: bool = False) -> str:
         beside_the_score(run),
         join(el("h2", "Hazards"), hazards) if hazards is not None else None,
         el("h2", "Drives"),
-        sections,
+        [part.section for part in parts],
         _footer(run),
     )
 

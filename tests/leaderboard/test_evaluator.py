@@ -293,6 +293,14 @@ def test_workers_drive_what_one_process_drives(tmp_path: Path) -> None:
     assert max(p.share for p in seen) == 1.0
 
 
+def test_workers_begin_with_the_longest_routes(tmp_path: Path) -> None:
+    seen: list[Progress] = []
+    together = evaluate(steady(tmp_path, 4, workers=2), seen.append)
+    begun = list(dict.fromkeys(p.name for p in seen))
+    lengths = {entry["name"]: entry["keypoint_length"] for entry in together.run["drives"]}
+    assert min(lengths[name] for name in begun[:2]) >= max(lengths[name] for name in begun[2:])
+
+
 def test_a_run_cut_short_goes_on_and_ends_with_the_same_files(tmp_path: Path) -> None:
     whole = evaluate(steady(tmp_path, 3))
 

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from lavsim.drawings import polylines, scalar
 from lavsim.errors import OutputError
+from lavsim.executor import ProcessExecutor
 from lavsim.log.drawings import SUFFIX, DrawingsWriter
 from lavsim.log.reader import LogReader
 from leaderboard.metrics import DriveMetrics
@@ -41,6 +42,10 @@ def test_report_escapes_what_comes_from_files_and_agents(run: Run) -> None:
     assert "<script" not in text
     assert "&lt;script&gt;alert(&quot;1&quot;)&lt;/script&gt;" in text
     assert "vehicle.&lt;b&gt;" in text
+
+
+def test_report_is_the_same_whoever_reads_the_drives(run: Run) -> None:
+    assert page(run, executor=ProcessExecutor(2)) == page(run)
 
 
 def test_report_needs_nothing_outside_itself(run: Run) -> None:
