@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.lav.bodies import body_points, with_body
+from agents.lav.bodies import body_points, with_body, without_poles
 from agents.lav.config import DriveConfig, LavConfig
 from agents.lav.data.images import as_batch, far_view, shrunk
 from agents.lav.data.points import SCORES, thinned
@@ -161,6 +161,7 @@ class Perceiver:
             )
         body = body_points(points, LIDAR_HEIGHT)
         vehicles, walkers = (with_body(found, body) for found in (without_ego(vehicles), walkers))
+        walkers = without_poles(walkers, points, LIDAR_HEIGHT)
         return Sight(seen.features, vehicles, walkers, seen.map[0], points)
 
     def foresee(self, features: Tensor, poses: Tensor, goals: Tensor, speeds: Tensor) -> Motions:

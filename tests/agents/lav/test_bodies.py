@@ -1,4 +1,4 @@
-"""Detections near the ego need points above the ground."""
+"""Detections near the ego need points above the ground, walkers none above people's heads."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
 
-from agents.lav.bodies import body_points, with_body
+from agents.lav.bodies import body_points, with_body, without_poles
 from agents.lav.models.detection import Detections
 
 HEIGHT = 2.4
@@ -43,3 +43,32 @@ def test_who_is_near_needs_a_body(
 def test_nobody_found_is_nobody_kept() -> None:
     none = Detections(torch.zeros((0, 5)), torch.zeros(0))
     assert len(with_body(none, body_points(np.zeros((0, 4), np.float32), HEIGHT)).scores) == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "top", "above", "stays"),
+    [
+        ((3.0, 2.3), 1.85, 0, True),  # a man
+        ((3.0, 2.3), 2.1, 0, True),  # on a bicycle
+        ((3.0, 2.3), 2.9, 30, False),  # the pole of a light
+        ((10.0, 2.3), 3.5, 6, False),
+        ((10.0, 2.3), 2.6, 0, True),  # a man uphill
+        ((3.0, 2.3), 1.85, 2, True),  # a man who walks past a pole
+        ((14.0, 2.3), 3.5, 30, True),  # too far away to tell
+    ],
+)
+def test_who_is_taller_than_people_is_no_walker(
+    place: tuple[float, float], top: float, above: int, stays: bool
+) -> None:
+    up = np.concatenate([np.linspace(0.5, min(top, 2.2), 40), np.linspace(2.6, 3.5, above)]) - HEIGHT
+    if top > 2.2 and not above:
+        up = np.concatenate([up, [top - HEIGHT]])
+    body = np.column_stack([np.full(len(up), place[0]), np.full(len(up), place[1]), up]).astype(np.float32)
+    scan = np.concatenate([GROUND.reshape(3, -1).T.astype(np.float32), body])
+    box = torch.tensor([[place[1], -place[0], 0.0, 0.3, 0.3]])
+    assert len(without_poles(Detections(box, torch.tensor([0.5])), scan, HEIGHT).scores) == stays
+
+
+def test_without_walkers_there_are_no_poles() -> None:
+    none = Detections(torch.zeros((0, 5)), torch.zeros(0))
+    assert len(without_poles(none, np.zeros((0, 4), np.float32), HEIGHT).scores) == 0
