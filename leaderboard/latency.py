@@ -94,4 +94,5 @@ class PacedAgent:
         if not self._times:
             return None
         median, slow = np.percentile(self._times, [50.0, 95.0]) * 1e3
-        return {"median": round(float(median), 3), "p95": round(float(slow), 3)}
+        mean = float(np.mean(self._times)) * 1e3
+        return {"mean": round(mean, 3), "median": round(float(median), 3), "p95": round(float(slow), 3)}

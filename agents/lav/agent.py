@@ -30,10 +30,11 @@ from agents.lav.driving import (
 from agents.lav.frames import vehicle_from_planner
 from agents.lav.halting import FREE, Signals, Told
 from agents.lav.localise import Pose
+from agents.lav.look import Look, carried_forecasts, carried_outlook, carried_points, carried_sight
 from agents.lav.models.detection import Detections
 from agents.lav.others import Found, Others
 from agents.lav.perceive import CAMERAS, LIDAR, SUITE, TELEPHOTO, Perceiver, Sight, read_trained
-from agents.lav.readings import Readings, Waypointer, rgb_of, speed_of
+from agents.lav.readings import Asked, Readings, Waypointer, rgb_of, speed_of
 from agents.lav.scans import Scans
 from lavsim.agent import Agent, Track
 from lavsim.config import Config, read_config
@@ -91,7 +92,8 @@ class LavAgent(Agent):
         self._way: Waypointer | None = None
         self._tick, self._steer, self._told = 0, 0.0, Told(0.0)
         self._signals = Signals(self.config.drive)
-        self._shown: tuple[Sight, Outlook] | None = None
+        self._look: Look | None = None
+        self._pose = Pose(np.zeros(2), 0.0)
 
     def sensors(self) -> list[dict[str, Any]]:
         return [dict(sensor) for sensor in SUITE]
@@ -100,26 +102,27 @@ class LavAgent(Agent):
         readings = {name: reading for name, (_, reading) in input_data.items()}
         if self._way is None:
             self._way = Waypointer(self._global_plan or [], self.config.drive.filtered)
-        pose, goals, command = self._way.update(readings, self._steer)
+        asked = self._way.update(readings, self._steer)
         speed, images = speed_of(readings), [rgb_of(readings[name]) for name in CAMERAS]
-        scan = self._eyes.paint(self._scans.merged(readings[LIDAR]), images)
-        sight = self._eyes.see(self._scans.stacked(scan, pose))
-        found = self.found(sight, pose, readings)
+        sweep = self._scans.merged(readings[LIDAR])
+        if self._look is None or self._tick % self.config.drive.look_every == 0:
+            self._look = self.look(sweep, images, asked, readings)
         is_held, allowed = self.signals(images, readings, speed)
-        outlook = self.outlook(sight, found, goals, speed, command, readings)
-        self._tick += 1
-        control = self._driver.step(outlook.plan, self._forecasts(outlook, found), speed, command, is_held, allowed)
+        self._tick, self._pose = self._tick + 1, asked.pose
+        plan = carried_points(self._look.outlook.plan, self._look.pose, self._pose)
+        others = carried_forecasts(self._look.others, self._look.pose, self._pose)
+        control = self._driver.step(plan, others, speed, asked.command, is_held, allowed)
         self._steer = control.steer
-        self._shown = sight, outlook
         return control
 
     def drawings(self) -> dict[str, Drawing]:
         """Plan, forecasts, who was found, who is in the way, the map, painted points, and how sure it is to brake."""
-        if self._shown is None:
+        if self._look is None:
             return {}
-        sight, outlook = self._shown
+        then, now, sight = self._look.pose, self._pose, self._look.sight
+        sight = carried_sight(sight, then, now)
         return {
-            **drawings_of(outlook, self.config.drive),
+            **drawings_of(carried_outlook(self._look.outlook, then, now), self.config.drive),
             "vehicles": _drawn_boxes(sight.vehicles),
             "walkers": _drawn_boxes(sight.walkers),
             "road": self._drawn_map(sight),
@@ -128,14 +131,26 @@ class LavAgent(Agent):
             **self._driver.drawings(),
         }
 
+    def look(
+        self, sweep: NDArray[np.float32], images: Sequence[NDArray[np.uint8]], asked: Asked, readings: Readings
+    ) -> Look:
+        """What the networks see in a sweep (P, 4) and three images, and foresee."""
+        pose, goals, command = asked
+        sight = self._eyes.see(self._scans.stacked(self._eyes.paint(sweep, images), pose))
+        found = self.found(sight, pose, readings)
+        outlook = self.outlook(sight, found, goals, speed_of(readings), command, readings)
+        return Look(pose, sight, outlook, self._forecasts(outlook, found))
+
     def found(self, sight: Sight, pose: Pose, readings: Readings) -> Found:
         """Who is taken to be there: what is seen, with speeds from where it was seen before."""
-        return self._others.update(sight.vehicles, sight.walkers, pose, speed_of(readings) * DT)
+        moved = speed_of(readings) * DT * self.config.drive.look_every
+        return self._others.update(sight.vehicles, sight.walkers, pose, moved)
 
     def signals(self, images: Sequence[NDArray[np.uint8]], readings: Readings, speed: float) -> tuple[bool, float]:
         """Whether to brake at once, and the speed [m/s] that lights and signs ahead allow."""
         drive = self.config.drive
-        is_new = self._tick % drive.brake_every == 0
+        # Looks of the two take turns: no tick pays for both.
+        is_new = self._tick == 0 or (self._tick + 1) % drive.brake_every == 0
         if is_new:
             self._told = self._eyes.brake(images, rgb_of(readings[TELEPHOTO]))
         if not self._told.tells_causes:

@@ -169,6 +169,9 @@ class DriveConfig(Config):
     refined_lane_change: bool = Field(default=False, description="Whether lane changes take the refined plan too.")
     stuck: float = Field(default=10.0, gt=0.0, description="Creeps after standing so long [s]; 30 in the original.")
     creep: float = Field(default=1.5, ge=0.0, description="For so long [s]; 1 in the original.")
+    look_every: int = Field(
+        default=2, ge=1, description="Ticks from one look at road and others to the next; a turn of the LiDAR is two."
+    )
     brake_every: int = Field(default=2, ge=1, description="Ticks from one look of the brake network to the next.")
     standing_score: float = Field(default=0.65, ge=0.0, le=1.0, description="The same for who has stood for `hold`.")
     hold: float = Field(default=2.0, ge=0.0, description="So long any score holds who stands [s].")
@@ -191,7 +194,7 @@ class DriveConfig(Config):
     patience: float = Field(default=4.0, ge=0.0, description="Standing longer, it passes others more narrowly [s].")
     yield_time: float = Field(default=8.0, gt=0.0, description="So long until it does so fully [s].")
     most_yield: float = Field(default=0.4, ge=0.0, description="Margins aside are then smaller by [m].")
-    least_seen: int = Field(default=3, ge=1, description="Ticks in which somebody is found before he counts.")
+    least_seen: int = Field(default=2, ge=1, description="Looks in which somebody is found before he counts.")
     light_score: float = Field(default=0.4, ge=0.0, le=1.0, description="Red or yellow is told above.")
     light_gap: float = Field(
         default=7.0, description="From its front to the end of a light's lane [m]; it is painted 5 m before."
@@ -244,7 +247,7 @@ class LavConfig(Config):
 
 _SMALL_CAMERAS = CameraConfig(height=144, width=128, telephoto_height=96, telephoto_width=240)
 _SHARP = (176, 352)  # lamps far away are two pixels wide; what is nearer shows in the wide images
-_APPROACHES = 10_000
+_APPROACHES = 20_000
 _TINY_RESNET = ResNetConfig(depth=10, width=16)
 # The paper's radius of 15 m is the motions'; cars are told from farther, so that forecasts of them have a beginning.
 _FAR_SIGHTED = BackboneConfig(neck=32, shared_head=True, detection_radius=35.0, walker_radius=25.0, least_hits=3)

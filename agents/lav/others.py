@@ -1,4 +1,4 @@
-"""Who is there, out of what is found tick after tick: one track an actor, whatever kind it is found as.
+"""Who is there, out of what is found look after look: one track an actor, whatever kind it is found as.
 
 A walker beside a bin is found now as a walker, now as a vehicle: tracked by kind he would have no speed in either.
 """
@@ -20,9 +20,9 @@ from lavsim.types import DT
 Floats = NDArray[np.float64]
 
 _RESTING, _MARGIN, _AS_WALKER = 6, 6, 7  # numbers of a box that stands; what is tracked beside it
-_COAST = 4  # ticks that who was found is taken to be there still
+_COAST = 0.2  # [s] that who was found is taken to be there still
 _FULL_BRAKES, _REACTION, _FRONT = 8.0, 0.35, 4.0  # [m/s²], [s], [m] of the ego and before it
-_STEPS_OUT, _BESIDE = 3.0, 1.2  # [m/s] towards the way, of who lies that far aside [m]
+_STEPS_OUT, _BESIDE = 4.0, 1.2  # [m/s] towards the way, as runners do, of who lies that far aside [m]
 _SAME = 1.0  # [m] between a walker and a vehicle that are one
 _SMALL = 0.55  # [m] half length of who walks, whatever it is found as; bicycles have 0.75 and more
 _WIDE = 1.3  # [m] half length of who can't be a walker, though he was found as one
@@ -59,7 +59,7 @@ class _Seen(NamedTuple):
 
 class _Followed(NamedTuple):
     """Everybody who is there: boxes now and at rest (N, 5), margin and kind as above, velocities in the frame that
-    stands still (N, 2) [m/s], and ticks in which each was found (N,). Who was once found as a walker is one."""
+    stands still (N, 2) [m/s], and looks in which each was found (N,). Who was once found as a walker is one."""
 
     boxes: Floats
     rested: Floats
@@ -73,17 +73,17 @@ class Others:
     """Follows"""
 
     def __init__(self, config: DriveConfig) -> None:
-        self._config = config
-        self._tracker = Tracker(_AS_WALKER + 1, highest=1)
+        self._config, self._period = config, config.look_every * DT
+        self._tracker = Tracker(self._period, _AS_WALKER + 1, highest=1)
 
     def update(self, vehicles: Detections, walkers: Detections, pose: Pose, moved: float) -> Found:
-        """Takes in a tick.
+        """Takes in a look.
 
         Args:
             vehicles: Found, the doubtful ones among them.
             walkers: Found.
             pose: Of the ego in the frame that stands still.
-            moved: Way of the ego since the last tick [m].
+            moved: Way of the ego since the last look [m].
         """
         drive = self._config
         boxes, rested, margin, walks, velocities, seen = self._followed(vehicles, walkers, pose, moved)
@@ -94,7 +94,7 @@ class Others:
         counts = (seen >= drive.least_seen) & (walks | (boxes[:, 1] < 0.0))
         is_sure = counts & (margin >= 0.0)
         moves = counts & ~is_sure & (speeds > drive.doubtful_speed)  # cyclists; fences stand
-        steps_out = walks & (margin >= 0.0) & np.isnan(speeds) & _appears_near(boxes, moved / DT)
+        steps_out = walks & (margin >= 0.0) & np.isnan(speeds) & _appears_near(boxes, moved / self._period)
         cars = np.flatnonzero(is_sure & ~is_small)
         nearest = cars[np.argsort(np.hypot(*boxes[cars, :2].T), kind="stable")][: drive.forecasts]
         people = (is_sure & is_small) | moves | steps_out

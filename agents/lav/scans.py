@@ -28,23 +28,26 @@ class Scans:
     def __init__(self, config: LavConfig) -> None:
         self._count = config.temporal.scans
         self._half: Floats = np.zeros((0, 4), np.float32)
-        self._past: deque[tuple[Floats, Pose]] = deque(maxlen=_APART * (self._count - 1) + 1)
+        self._past: deque[tuple[int, Floats, Pose]] = deque(maxlen=_APART * (self._count - 1) + 1)
+        self._tick = 0
 
     def merged(self, points: Floats) -> Floats:
         """Points (P, 4) of this tick's half sweep and then of the one before, in its own frame, as they are learnt."""
         scan, self._half = np.concatenate([points, self._half]), points
+        self._tick += 1
         return scan
 
     def stacked(self, scan: Floats, pose: Pose) -> Floats:
         """A scan (P, F) with those before it, each with a tag of its age; as it is where scans are not stacked."""
         if self._count == 1:
             return scan
-        self._past.append((scan, pose))
-        ages = range(min(self._count, (len(self._past) - 1) // _APART + 1))
-        return np.concatenate([self._tagged(age, pose) for age in ages])
+        self._past.append((self._tick, scan, pose))
+        return np.concatenate([self._tagged(age, pose) for age in range(self._count)])
 
     def _tagged(self, age: int, now: Pose) -> Floats:
-        scan, then = self._past[-1 - age * _APART]
+        """The newest scan that is so old, tagged and seen from where the ego is now; nothing where there is none."""
+        old = [(scan, then) for tick, scan, then in self._past if tick <= self._tick - age * _APART]
+        scan, then = old[-1] if old else (self._past[-1][1][:0], now)
         tags = np.zeros((len(scan), self._count), np.float32)
         tags[:, age] = 1.0
         points = np.concatenate([scan, tags], axis=1)

@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from lavsim.types import DT
-
 Floats = NDArray[np.float64]
 
 _GATE = 2.5  # [m] from where an actor was expected
@@ -18,7 +16,7 @@ _ACCELERATION = 2.5  # [m/s²]
 _BEGIN_SPEED = 8.0  # [m/s] what a new one may drive
 _KNOWN = 1.0  # [m/s] standard deviation below which a velocity is told
 _STANDS = 1.0  # [m/s]
-_LOST = 10  # ticks without a detection
+_LOST = 0.5  # [s] without a detection
 _APART = 0.5  # [m] that the ego has to move before it sees anew: detections err by cells, the same from the same place
 _MOST = 10.0  # such looks that are averaged
 
@@ -29,7 +27,7 @@ class Tracked(NamedTuple):
     Attributes:
         velocities: (N, 2) [m/s], not a number where they are not known yet.
         rested: (N, D) means of what was found, for those who stand; the largest of columns that are not averaged.
-        seen: (N,) ticks in which each was found.
+        seen: (N,) looks in which each was found.
     """
 
     velocities: Floats
@@ -41,11 +39,13 @@ class Tracker:
     """One Kalman filter an actor, constant velocity, the nearest detection each.
 
     Args:
+        period: From look to look [s].
         columns: Of what is found of an actor, its place first.
         highest: So many of the last are not averaged: their largest value since the actor was first found is told.
     """
 
-    def __init__(self, columns: int = 2, highest: int = 0) -> None:
+    def __init__(self, period: float, columns: int = 2, highest: int = 0) -> None:
+        self._period = period
         self._averaged = columns - highest
         self._state = np.zeros((0, 2, 2))  # by track: place and velocity, by axis
         self._spread = np.zeros((0, 2, 2))  # the same for both axes
@@ -54,11 +54,11 @@ class Tracker:
         self._mean, self._looks = np.zeros((0, columns)), np.zeros(0)
 
     def update(self, found: Floats, moved: float = 0.0) -> Tracked:
-        """Takes in a tick.
+        """Takes in a look.
 
         Args:
             found: (N, D) of each actor: its place [m], and whatever is to be averaged of those who stand.
-            moved: Way of the ego since the last tick [m].
+            moved: Way of the ego since the last look [m].
         """
         places, count = found[:, :2], len(found)
         self._predict()
@@ -73,19 +73,24 @@ class Tracker:
         self._renew(tracks, np.delete(found, rows, axis=0))
         return told
 
-    def coasting(self, ticks: int) -> Tracked:
-        """Those who were not found at this tick, but within the last `ticks`; `rested` begins with where they are now.
+    def coasting(self, time: float) -> Tracked:
+        """Those who are missed now, but were found within the last `time` [s]; `rested` begins with where they are now.
 
-        What a detector finds it misses now and again, and who is missed for a tick is not gone.
+        What a detector finds it misses now and again, and who is missed for a moment is not gone.
         """
-        kept = (self._missed > 0) & (self._missed <= ticks)
+        kept = (self._missed > 0) & self._is_within(time)
         velocities = np.where(self._spread[kept, 1, 1, None] < _KNOWN**2, self._state[kept, 1], np.nan)
         rested = np.concatenate([self._state[kept, 0], self._mean[kept, 2:]], axis=1)
         return Tracked(velocities, rested, self._seen[kept])
 
+    def _is_within(self, time: float) -> NDArray[np.bool_]:
+        """Who was found within the last `time` [s]."""
+        return np.asarray(self._missed <= round(time / self._period))
+
     def _predict(self) -> None:
-        step = np.array([[1.0, DT], [0.0, 1.0]])
-        push = np.array([DT * DT / 2.0, DT]) * _ACCELERATION
+        period = self._period
+        step = np.array([[1.0, period], [0.0, 1.0]])
+        push = np.array([period * period / 2.0, period]) * _ACCELERATION
         self._state = step @ self._state
         self._spread = step @ self._spread @ step.T + np.outer(push, push)
 
@@ -120,7 +125,7 @@ class Tracker:
         fresh, count = found[:, :2], len(found)
         self._missed += 1
         self._missed[tracks] = 0
-        kept = self._missed <= _LOST
+        kept = self._is_within(_LOST)
         begin = np.stack([fresh, np.zeros_like(fresh)], axis=1)
         unsure = np.broadcast_to(np.diag([_PLACE_STD**2, _BEGIN_SPEED**2]), (len(fresh), 2, 2))
         self._state = np.concatenate([self._state[kept], begin])

@@ -15,8 +15,10 @@ from agents.lav.agent import LavAgent
 from agents.lav.config import DriveConfig, LavConfig, find_preset
 from agents.lav.controller import BrakeHold
 from agents.lav.driving import Driver, Forecasts, Outlook, straight_forecasts, vehicle_forecasts
+from agents.lav.frames import planner_from_world
 from agents.lav.leaders import leader_paths, same_way
 from agents.lav.localise import Pose
+from agents.lav.look import carried_forecasts, carried_points, carried_sight
 from agents.lav.models.brake import BrakeNetwork
 from agents.lav.models.detection import Detections
 from agents.lav.models.segmentation import make_segmentation
@@ -189,14 +191,18 @@ def test_a_doubtful_score_holds_for_a_while_and_a_sure_one_for_good(score: float
     assert away[-1] == (score > 0.3)
 
 
-def test_two_half_sweeps_are_one_scan_and_past_scans_lie_where_they_were() -> None:
+@pytest.mark.parametrize("look_every", [1, 2])
+def test_two_half_sweeps_are_one_scan_and_past_scans_lie_where_they_were(look_every: int) -> None:
     stacked = MICRO.model_copy(update={"temporal": MICRO.temporal.model_copy(update={"scans": 3})})
     scans = Scans(stacked)
     first, second = np.full((2, 4), 1.0, np.float32), np.full((3, 4), 2.0, np.float32)
     assert scans.merged(first).tolist() == first.tolist()
     assert scans.merged(second)[:, 0].tolist() == [2.0, 2.0, 2.0, 1.0, 1.0]
     post = np.array([10.0, 5.0])  # in the frame that stands still
-    for tick in range(11):
+    for tick in range(13):
+        scans.merged(first)
+        if tick % look_every:
+            continue
         pose = Pose(np.array([0.4 * tick, 0.0]), 0.02 * tick)
         c, s = np.cos(pose.yaw), np.sin(pose.yaw)
         offset = post - pose.xy
@@ -213,13 +219,13 @@ def seen(places: list[list[float]], scores: list[float]) -> Detections:
 
 def test_what_moves_like_somebody_is_somebody_even_in_doubt(tmp_path: Path) -> None:
     agent, here = LavAgent(str(trained(tmp_path))), Pose(np.zeros(2), 0.0)
-    for tick in range(20):
-        crossing = [-6.0 + 0.2 * tick, -12.0]  # at 4 m/s to the right
+    for tick in range(10):
+        crossing = [-6.0 + 0.4 * tick, -12.0]  # at 4 m/s to the right
         sure, cyclist, fence = [3.0, -8.0], crossing, [5.0, -15.0]
         vehicles = seen([sure, cyclist, fence, [0.0, 6.0]], [0.6, 0.2, 0.2, 0.6])
         found = agent.found(Sight(torch.zeros(0), vehicles, seen([[2.0, -5.0]], [0.5]), torch.zeros(0), np.zeros(0)),
                             here, {"EGO": {"speed": 0.0}})  # fmt: skip
-        assert len(found.vehicles) + len(found.walkers) == 0 or tick >= 2, "nobody counts who was found once"
+        assert len(found.vehicles) + len(found.walkers) == 0 or tick >= 1, "nobody counts who was found once"
     assert found.vehicles[:, :2].tolist() == [pytest.approx(sure)], "nor who is behind"
     assert found.walkers.tolist() == [pytest.approx(crossing), pytest.approx([2.0, -5.0])]
     assert found.walking[0] == pytest.approx([4.0, 0.0], abs=0.5)
@@ -276,6 +282,46 @@ def test_it_drives_some_ticks_on_sensors_alone(tmp_path: Path, is_painted: bool)
         assert {"plan", "forecast", "vehicles", "road", "brake"} <= set(checked_all(agent.drawings()))
         simulation.tick(control)
     agent.close()
+
+
+def test_between_looks_what_was_seen_stays_where_it_was(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    then, now = Pose(np.array([4.0, -2.0]), 0.3), Pose(np.array([4.6, -1.7]), 0.35)
+    post, car = rng.uniform(-9.0, 9.0, 2), seen([[1.0, -8.0]], [0.9])
+    there = planner_from_world(post, *then)
+    assert carried_points(there, then, now) == pytest.approx(planner_from_world(post, *now))
+    others = {"vehicle": forecast(0.0, -6.0, 0.5)}
+    carried = carried_forecasts(others, then, now)["vehicle"]
+    assert carried.boxes[0] == pytest.approx(others["vehicle"].boxes[0] - [0.05, 0.0, 0.0])
+    assert carried.paths.shape == others["vehicle"].paths.shape
+    scan = np.array([[8.0, 1.0, 0.5, 1.0]], np.float32)  # ahead, right: on the car
+    sight = carried_sight(Sight(torch.zeros(0), car, seen([], []), torch.zeros(0), scan), then, now)
+    assert sight.vehicles.boxes[0, :2].numpy() == pytest.approx([sight.points[0, 1], -sight.points[0, 0]], abs=1e-5)
+    assert sight.vehicles.boxes[0, 1] > -8.0 + 0.5
+
+
+@pytest.mark.parametrize("look_every", [1, 2, 3])
+def test_networks_look_as_often_as_they_are_asked_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, look_every: int
+) -> None:
+    settings = tmp_path / "mine.toml"
+    settings.write_text(f'weights = "{trained(tmp_path / "a")}"\n[drive]\nlook_every = {look_every}\nbrake_every = 2\n')
+    ticks: dict[str, list[int]] = {"see": [], "brake": []}
+    for name, at in ticks.items():
+        method = getattr(Perceiver, name)
+        monkeypatch.setattr(
+            Perceiver, name, lambda *given, at=at, method=method: (at.append(len(driven)), method(*given))[1]
+        )
+    simulation, driven = Simulation(straight_drive(traffic="lav")), list[float]()
+    agent = InProcessAgent(AgentSpec("agents.lav:LavAgent", str(settings)))
+    agent.start(plan_of(simulation.route, simulation.town))
+    suite = SensorSuite(get_scene(simulation.town), agent.sensors(), simulation.draws)
+    for tick in range(7):
+        control = agent.step(suite.read([simulation.snapshot]), 0.05 * tick)
+        driven.append(control.throttle)
+        simulation.tick(control)
+    agent.close()
+    assert ticks == {"see": list(range(0, 7, look_every)), "brake": [0, 1, 3, 5]}
 
 
 def test_what_drives_is_what_was_trained(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_without_noise_it_is_where_it_is_and_a_mute_compass_does_not_mislead_it(
 
 def found_speeds(velocity: tuple[float, float], ticks: int = 60, aside: float = 4.0) -> np.ndarray:
     """(ticks, 2) of two cars side by side, seen in cells of half a metre."""
-    tracker, found = Tracker(), []
+    tracker, found = Tracker(DT), []
     for tick in range(ticks):
         place = np.array([10.0, 2.0]) + np.array(velocity) * DT * tick
         places = np.round(2.0 * np.array([place, place + np.array([0.0, aside])])) / 2.0
@@ -79,7 +79,7 @@ def test_speeds_are_told_to_half_a_metre_a_second(velocity: tuple[float, float])
 
 
 def test_a_lost_actor_is_forgotten_and_a_new_one_begins_unknown() -> None:
-    tracker, here = Tracker(), np.array([[5.0, 0.0]])
+    tracker, here = Tracker(DT), np.array([[5.0, 0.0]])
     for _ in range(40):
         known = tracker.update(here).velocities
     assert np.isfinite(known).all()
@@ -93,7 +93,7 @@ def test_a_lost_actor_is_forgotten_and_a_new_one_begins_unknown() -> None:
 
 
 def test_who_stands_is_where_he_was_found_on_average_of_many_places() -> None:
-    tracker, place, rng = Tracker(3), np.array([20.0, 2.2]), np.random.default_rng(0)
+    tracker, place, rng = Tracker(DT, 3), np.array([20.0, 2.2]), np.random.default_rng(0)
     errors, error = [], np.zeros(2)
     for tick in range(80):
         moved = 0.3 if tick < 50 else 0.0  # then the ego stands, and errs the same again and again
@@ -107,7 +107,7 @@ def test_who_stands_is_where_he_was_found_on_average_of_many_places() -> None:
 
 
 def test_who_drives_is_where_he_is_found() -> None:
-    tracker = Tracker()
+    tracker = Tracker(DT)
     for tick in range(60):
         here = np.array([[0.4 * tick, 0.0]])
         told = tracker.update(here, 0.4)

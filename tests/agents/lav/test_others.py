@@ -13,6 +13,7 @@ from agents.lav.models.detection import Detections
 from agents.lav.others import Found, Others
 from lavsim.types import DT
 
+EVERY_TICK = DriveConfig(look_every=1, least_seen=3)
 HERE = Pose(np.zeros(2), 0.0)
 WALKER, CAR = (0.2, 0.2), (2.2, 0.9)  # half lengths and half widths
 
@@ -25,7 +26,7 @@ def seen(*rows: tuple[tuple[float, float], tuple[float, float], float]) -> Detec
 
 def step_out(kinds: str, ticks: int = 30) -> Found:
     """What is known of a walker at 1.6 m/s who is found as `kinds` say, one letter a tick, again and again."""
-    others = Others(DriveConfig())
+    others = Others(EVERY_TICK)
     for tick in range(ticks):
         here = ((4.0 - 1.6 * DT * tick, -12.0), WALKER, 0.6)
         is_walker = kinds[tick % len(kinds)] == "w"
@@ -43,14 +44,14 @@ def test_a_walker_has_one_speed_whatever_it_is_found_as(kinds: str) -> None:
 
 @pytest.mark.parametrize(("as_vehicle", "as_walker", "walkers"), [(0.4, 0.9, 1), (0.9, 0.4, 0)])
 def test_who_is_found_as_both_is_the_surer(as_vehicle: float, as_walker: float, walkers: int) -> None:
-    others = Others(DriveConfig())
+    others = Others(EVERY_TICK)
     for _ in range(5):
         found = others.update(seen(((3.0, -10.0), CAR, as_vehicle)), seen(((3.4, -10.2), WALKER, as_walker)), HERE, 0.0)
     assert (len(found.walkers), len(found.vehicles)) == (walkers, 1 - walkers)
 
 
 def test_a_walker_beside_a_car_is_somebody_else() -> None:
-    others = Others(DriveConfig())
+    others = Others(EVERY_TICK)
     for _ in range(5):
         found = others.update(seen(((3.0, -10.0), CAR, 0.9)), seen(((1.5, -10.0), WALKER, 0.6)), HERE, 0.0)
     assert (len(found.walkers), len(found.vehicles)) == (1, 1)
@@ -58,7 +59,7 @@ def test_a_walker_beside_a_car_is_somebody_else() -> None:
 
 @pytest.mark.parametrize(("missed", "is_there"), [(4, True), (5, False)])
 def test_who_is_missed_for_a_moment_is_still_there(missed: int, is_there: bool) -> None:
-    others = Others(DriveConfig())
+    others = Others(EVERY_TICK)
     for tick in range(20):
         others.update(seen(), seen(((4.0 - 1.6 * DT * tick, -12.0), WALKER, 0.6)), HERE, 0.0)
     for _ in range(missed):
@@ -81,15 +82,15 @@ def test_who_is_missed_for_a_moment_is_still_there(missed: int, is_there: bool) 
 def test_who_appears_within_braking_distance_is_taken_to_step_out(
     place: tuple[float, float], speed: float, steps_out: bool
 ) -> None:
-    others, first = Others(DriveConfig()), seen((place, WALKER, 0.6))
+    others, first = Others(EVERY_TICK), seen((place, WALKER, 0.6))
     found = others.update(seen(), first, HERE, speed * DT)
     assert len(found.walkers) == steps_out
     if steps_out:
-        assert found.walking[0, 0] == -np.sign(place[0]) * 3.0
+        assert found.walking[0, 0] == -np.sign(place[0]) * 4.0
 
 
 def test_who_has_stood_there_is_not_taken_to_step_out() -> None:
-    others = Others(DriveConfig())
+    others = Others(EVERY_TICK)
     for tick in range(20):
         pose = Pose(np.array([12.0 * DT * tick, 0.0]), 0.0)
         here = (3.0, -25.0 + 12.0 * DT * tick)
@@ -98,7 +99,7 @@ def test_who_has_stood_there_is_not_taken_to_step_out() -> None:
 
 
 def test_who_was_found_as_a_walker_stays_one_in_doubt() -> None:
-    others = Others(DriveConfig())
+    others = Others(EVERY_TICK)
     for tick in range(12):
         here = (4.0 - 3.0 * DT * tick, -12.0)
         doubt, sure = seen((here, (0.8, 0.35), 0.2)), seen((here, WALKER, 0.5))
@@ -109,7 +110,7 @@ def test_who_was_found_as_a_walker_stays_one_in_doubt() -> None:
 
 
 def test_a_car_is_no_walker_though_it_was_found_as_one() -> None:
-    others = Others(DriveConfig())
+    others = Others(EVERY_TICK)
     others.update(seen(), seen(((3.0, -10.0), WALKER, 0.6)), HERE, 0.0)
     for _ in range(5):
         found = others.update(seen(((3.0, -10.0), CAR, 0.6)), seen(), HERE, 0.0)
