@@ -28,7 +28,7 @@ _NEAR = 12.0  # [m] in which egos stand
 _SPREAD, _ASKEW = 0.25, 0.035  # [m], [rad]: standard deviations of place and heading in the lane
 _SIGNS = 0.25  # share of frames before stop signs, where a town has any
 _ROOM = 5.0  # [m] between the ego's middle and others': who is nearer is taken away
-_GREEN, _YELLOW = 0.42, 0.55  # of frames before lights: so many are green, the rest up to here yellow, others red
+_GREEN, _YELLOW = 0.36, 0.66  # of frames before lights: so many are green, the rest up to here yellow, others red
 
 
 class Approach(NamedTuple):

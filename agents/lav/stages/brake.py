@@ -39,7 +39,6 @@ from lavsim.random import Draws
 AUXILIARY_WEIGHT = 0.5  # of each image's segmentation
 STANDING_STRIDE = 2  # of frames in which the ego stands every second
 _CAUSE_WEIGHTS = {"stop": 1.0, "light": 2.0, "sign": 1.0, "others": 1.0, "distance": 0.5}
-_LIGHT_WEIGHTS = (1.0, 1.0, 3.0, 1.0)  # none, red, yellow, green: yellow is rare
 _IMAGES = (*FRONT, TELEPHOTO)
 _TAGS = (*FRONT_TAGS, TELEPHOTO_TAGS)
 _STAGED = -1  # in place of an episode: frame of an approach
@@ -214,8 +213,7 @@ def brake_loss(outputs: Tensor, wide: Tensor, far: Tensor, batch: BrakeBatch) ->
 def _cause_losses(outputs: Tensor, truth: Truth) -> dict[str, Tensor]:
     causes = causes_of(outputs)
     asked = truth.light >= 0
-    weights = torch.tensor(_LIGHT_WEIGHTS, device=outputs.device)
-    light = functional.cross_entropy(causes.light, truth.light.clamp(min=0), weights, reduction="none")
+    light = functional.cross_entropy(causes.light, truth.light.clamp(min=0), reduction="none")
     known = torch.isfinite(truth.distance)
     off = (causes.distance - torch.nan_to_num(truth.distance)) / DISTANCE_UNIT
     far = functional.smooth_l1_loss(off, torch.zeros_like(off), beta=0.2, reduction="none")

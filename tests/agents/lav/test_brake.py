@@ -29,8 +29,8 @@ from lavsim.random import Draws
 from tests.dataset.recorded import SUITE, drive, record
 
 GOLDEN = (  # loss, stop, light, sign, others, distance, pixels; twice
-    *(7.64908, 0.68939, 1.79962, 0.67132, 0.68471, 1.41462, 2.59423),
-    *(4.97738, 0.58202, 0.9126, 0.47969, 0.53553, 0.65261, 2.45726),
+    *(6.98111, 0.68939, 1.46563, 0.67132, 0.68471, 1.41462, 2.59423),
+    *(4.6471, 0.5683, 0.77366, 0.46324, 0.50421, 0.67128, 2.4568),
 )
 SHARP = (96, 160)
 
