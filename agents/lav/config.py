@@ -160,7 +160,7 @@ class DriveConfig(Config):
     stop_below: float = Field(default=0.8, ge=0.0, description="Planned speeds below this are a stop [m/s].")
     error_clip: float = Field(default=0.25, gt=0.0, description="Of the speed's error [m/s].")
     most_throttle: float = Field(default=0.8, gt=0.0, le=1.0)
-    speed_cap: float = Field(default=45.0 / 3.6, gt=0.0, description="No throttle above [m/s].")
+    speed_cap: float = Field(default=35.0 / 3.6, gt=0.0, description="No throttle above [m/s].")
     over_speed: float = Field(default=1.5, gt=0.0, description="Brakes when faster than planned by this [m/s].")
     brake_score: float = Field(default=0.3, ge=0.0, le=1.0, description="Scores of the brake network above stop it.")
     collision_margin: float = Field(default=0.15, ge=0.0, description="Around the ego's box against forecasts [m].")
