@@ -94,6 +94,41 @@ def collect(
 
 
 @app.command()
+def fork(
+    runs: Annotated[list[Path], typer.Argument(help="Runs of 'lavsim score' whose failures are to be done better.")],
+    out: Annotated[Path, typer.Option(help="Folder of the logs that are written.")],
+    before: Annotated[float | None, typer.Option(help="The expert takes over so long before a failure [s].")] = None,
+    after: Annotated[float | None, typer.Option(help="And drives for so long [s].")] = None,
+    kinds: Annotated[
+        str | None, typer.Option(help="Infractions that count: 'collisions_pedestrian,red_light'; all without.")
+    ] = None,
+    agent: Annotated[str | None, typer.Option(help="Who takes over: 'module:Class'.")] = None,
+    agent_config: Annotated[str | None, typer.Option(help="Handed to its setup.")] = None,
+    workers: Annotated[int, typer.Option(help="Processes that drive side by side.")] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the logs in the folder.")] = False,
+    town_path: TownPath = None,
+) -> None:
+    """Let an expert take over before each failure of recorded drives; 'lavsim render' makes a dataset of the logs."""
+    from lavsim.config import parse_config
+    from lavsim.dataset.fork import ForkConfig
+    from lavsim.dataset.fork import fork as run_forks
+    from leaderboard.failures import failures_of, named_kinds
+    from leaderboard.run import Run
+
+    given = {"before": before, "after": after, "agent": agent, "agent_config": agent_config}
+    config = parse_config(ForkConfig, {name: value for name, value in given.items() if value is not None})
+    wanted = named_kinds(kinds)
+    failures = [failure for path in runs for failure in failures_of(Run.load(path), wanted)]
+    if not failures:
+        typer.echo("no failures, no forks")
+        return
+    made = run_forks(failures, out, config, workers=workers, resume=resume, town_path=towns_at(town_path),
+                     on_done=lambda task, ending: typer.echo(
+                         f"{task.out.name}  {task.failure.log.stem}, {task.failure.what}: {ending}"))  # fmt: skip
+    typer.echo(f"{len(made)} logs in {out}; next: lavsim render {out} --out DATA")
+
+
+@app.command()
 def render(
     source: Annotated[Path, typer.Argument(help="A dataset, a log (*.lavlog), or a folder of logs.")],
     out: Annotated[

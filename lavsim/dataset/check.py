@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lavsim.dataset.files import PARTIAL, read_sealed
 from lavsim.dataset.folder import PLAN
 from lavsim.dataset.frames import Keeper
+from lavsim.dataset.handover import first_of
 from lavsim.dataset.plan import PLAN_KEY, PLAN_SCHEMA, CollectPlan
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.record import EpisodeRecord
@@ -181,7 +182,7 @@ def _against_log(root: Path, info: DatasetInfo, record: EpisodeRecord, data: Dat
     if log.status is None:
         yield Finding(name, "the log is cut before its end.")
     table = data.table(record.episode) if info.record.tables else None
-    keeper, kept = Keeper(info.record.stand_ticks), []
+    keeper, kept = Keeper(info.record.stand_ticks, first_of(log.header)), []
     for snapshot in log:
         if not keeper.keeps(snapshot):
             continue

@@ -34,15 +34,16 @@ class Keeper:
 
     Args:
         stand_ticks: Ticks of standing after which nothing is kept.
+        first: Tick of the first frame, at the earliest.
     """
 
-    def __init__(self, stand_ticks: int) -> None:
-        self._limit, self._stood = stand_ticks, 0
+    def __init__(self, stand_ticks: int, first: int = 0) -> None:
+        self._limit, self._first, self._stood = stand_ticks, first, 0
 
     def keeps(self, snapshot: Snapshot) -> bool:
         """Takes in a tick; whether it is a frame."""
         self._stood = self._stood + 1 if snapshot.ego.speed < STANDING else 0
-        return snapshot.tick % TICKS_PER_FRAME == 0 and self._stood < self._limit
+        return snapshot.tick >= self._first and snapshot.tick % TICKS_PER_FRAME == 0 and self._stood < self._limit
 
 
 class FrameMaker:
@@ -53,14 +54,15 @@ class FrameMaker:
         route: The dense route.
         scene: What there is to see, with its town.
         draws: Root of the drive's draws.
+        first: Tick of the first frame, at the earliest.
 
     Attributes:
         rig: Its sensors.
     """
 
-    def __init__(self, config: RecordConfig, route: Route, scene: Scene, draws: Draws) -> None:
+    def __init__(self, config: RecordConfig, route: Route, scene: Scene, draws: Draws, first: int = 0) -> None:
         self.rig = Rig(config.suite)
-        self._config, self._scene, self._draws = config, scene, draws
+        self._config, self._scene, self._draws, self._first = config, scene, draws, first
         self._gnss = _sensor(config, Gnss, {"type": "sensor.other.gnss", "id": "GPS", "z": 2.4})
         self._imu = _sensor(config, Imu, {"type": "sensor.other.imu", "id": "IMU", "z": 2.4})
         self._speedometer = _sensor(config, Speedometer, {"type": "sensor.speedometer", "id": "EGO"})
@@ -71,7 +73,7 @@ class FrameMaker:
         self._recent: deque[Snapshot] = deque(maxlen=self.rig.history + 1)
         self._since: list[Snapshot] = []  # seen since the last kept frame, the newest last
         self._fixes: list[NDArray[np.float64]] = []  # GNSS of each of them
-        self._keeper = Keeper(config.stand_ticks)
+        self._keeper = Keeper(config.stand_ticks, first)
 
     def see(self, snapshot: Snapshot) -> bool:
         """Takes in a tick; whether it is kept."""
@@ -82,6 +84,8 @@ class FrameMaker:
             self._fixes.append(fix)
             self._guide.update(fix)
             self._view.update(snapshot)
+        if snapshot.tick < self._first:  # a frame tells of its own ticks alone
+            del self._since[: 1 - TICKS_PER_FRAME], self._fixes[: 1 - TICKS_PER_FRAME]
         return self._keeper.keeps(snapshot)
 
     def read(self) -> Readings:

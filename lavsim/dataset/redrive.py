@@ -21,6 +21,7 @@ from lavsim.config import parse_config
 from lavsim.dataset import folder
 from lavsim.dataset.drive import FRAMES_PER_REPORT, Kept, drivers
 from lavsim.dataset.frames import wish_values
+from lavsim.dataset.handover import Handover, first_of
 from lavsim.dataset.noise import ControlNoise
 from lavsim.dataset.record import EpisodeRecord
 from lavsim.dataset.schema import DatasetInfo
@@ -117,7 +118,8 @@ def render_episode(task: RenderTask, report: Callable[[Kept], None]) -> EpisodeR
         recorded = RecordedDrive(reader, task.town_path)
         driver = _Driver(reader, recorded) if task.labels and reader.header.get("agent") else None
         watched = driver.watched if driver is not None else None
-        writer = EpisodeWriter(task.root, task.number, DatasetInfo.read(task.root), watched, facts=task.facts)
+        first = first_of(reader.header)
+        writer = EpisodeWriter(task.root, task.number, DatasetInfo.read(task.root), watched, None, task.facts, first)
         try:
             writer.start(recorded)  # type: ignore[arg-type]  # it has what is asked of one
             told = 0
@@ -178,7 +180,10 @@ class _Driver:
         spec = AgentSpec(header["agent"]["target"], header["agent"]["config"])
         noise = parse_config(ControlNoise, header["noise"]) if header.get("noise") is not None else None
         self._name, self._recorded = reader.path.name, recorded
-        self.watched, self._agent = drivers(spec, noise, recorded.draws, lambda: recorded.snapshot.ego.speed)
+        self.watched, agent = drivers(spec, noise, recorded.draws, lambda: recorded.snapshot.ego.speed)
+        self._agent = agent
+        if first_of(header):
+            self._agent = Handover(agent, reader.controls(), reader[0].tick, first_of(header))
         try:
             self._agent.start(plan_of(recorded.route, recorded.town))
         except AgentFailure as failure:

@@ -36,6 +36,7 @@ class EpisodeWriter:
         driver: Whose wishes and labels are kept; None if nobody says.
         log_extra: More entries for the log's header, in JSON types.
         facts: More entries for the record, in JSON types.
+        first: Tick of the first frame, at the earliest.
 
     Attributes:
         frames: Kept so far.
@@ -50,8 +51,9 @@ class EpisodeWriter:
         driver: Driver | None = None,
         log_extra: Mapping[str, Any] | None = None,
         facts: Mapping[str, Any] | None = None,
+        first: int = 0,
     ) -> None:
-        self._root, self._episode, self._info = root, episode, info
+        self._root, self._episode, self._info, self._first = root, episode, info, first
         self._driver, self._facts = driver, dict(facts or {})
         self._log_extra = dict(log_extra or {})
         self._rows: list[dict[str, Any]] = []
@@ -116,7 +118,7 @@ class EpisodeWriter:
         info = self._info
         self._spec = simulation.spec
         scene = get_scene(simulation.town)
-        self._maker = FrameMaker(info.record, simulation.route, scene, simulation.draws)
+        self._maker = FrameMaker(info.record, simulation.route, scene, simulation.draws, self._first)
         log = self._path("log")
         self._log = LogWriter(partial_of(log), self._log_extra)
         self._log.start(simulation)

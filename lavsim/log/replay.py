@@ -80,7 +80,7 @@ def resume(log: LogReader | Path, tick: int, search_path: Sequence[Path] = ()) -
     simulation = _simulation(name, reader.header, search_path)
     for recorded in reader:
         if recorded.tick > simulation.snapshot.tick:
-            simulation.tick(_control(recorded.control))
+            simulation.tick(control_of(recorded.control))
         differs = _difference(recorded, simulation.snapshot)
         if differs is not None:
             raise LogError(f"{name}: driven again, tick {recorded.tick} differs from the recorded one in {differs}.")
@@ -119,7 +119,7 @@ def restore(saved: bytes, search_path: Sequence[Path] = ()) -> Simulation:
         raise LogError(f"the saved drive has format {schema}; this version of lavsim reads {SAVE_SCHEMA}.")
     simulation = _simulation("the saved drive", head["header"], search_path)
     for control in np.frombuffer(data, "<f4").reshape(-1, 5)[len(simulation.controls) :]:
-        simulation.tick(_control(control))
+        simulation.tick(control_of(control))
     if digest_of(simulation.snapshot) != head["digest"]:
         raise LogError(f"the saved drive, driven again, differs at tick {simulation.snapshot.tick}.")
     return simulation
@@ -153,7 +153,7 @@ def _town(name: str, header: Mapping[str, Any], search_path: Sequence[Path]) -> 
     return town
 
 
-def _control(values: NDArray[np.float32]) -> Control:
+def control_of(values: NDArray[np.float32]) -> Control:
     """The control whose `Snapshot.control` these are."""
     throttle, steer, brake, hand_brake, reverse = values.tolist()
     return Control(throttle, steer, brake, bool(hand_brake), bool(reverse))
