@@ -35,7 +35,7 @@ LISTINGS: dict[str, list[str] | None] = {
     "bench": None,
 }
 OTHERS = {
-    "ablate", "collect", "render", "score", "rescore", "merge", "show", "train", "view", "export-scene",
+    "ablate", "collect", "fork", "render", "score", "rescore", "merge", "show", "train", "view", "export-scene",
     "dataset merge", "dataset split", "dataset show", "dataset export", "dataset import", "routes make",
 }  # fmt: skip
 
