@@ -23,6 +23,7 @@ _RESTING, _MARGIN, _AS_WALKER = 6, 6, 7  # numbers of a box that stands; what is
 _COAST = 0.2  # [s] that who was found is taken to be there still
 _FULL_BRAKES, _REACTION, _FRONT = 8.0, 0.35, 4.0  # [m/s²], [s], [m] of the ego and before it
 _STEPS_OUT, _BESIDE = 4.0, 1.2  # [m/s] towards the way, as runners do, of who lies that far aside [m]
+_HASTY = 5  # looks as a walker until his speed is believed: before, it may be that of what he came from behind
 _SAME = 1.0  # [m] between a walker and a vehicle that are one
 _SMALL = 0.55  # [m] half length of who walks, whatever it is found as; bicycles have 0.75 and more
 _WIDE = 1.3  # [m] half length of who can't be a walker, though he was found as one
@@ -59,7 +60,8 @@ class _Seen(NamedTuple):
 
 class _Followed(NamedTuple):
     """Everybody who is there: boxes now and at rest (N, 5), margin and kind as above, velocities in the frame that
-    stands still (N, 2) [m/s], and looks in which each was found (N,). Who was once found as a walker is one."""
+    stands still (N, 2) [m/s], looks in which each was found (N,), and of them those since he was a walker (N,): who was
+    once found as a walker is one."""
 
     boxes: Floats
     rested: Floats
@@ -67,6 +69,7 @@ class _Followed(NamedTuple):
     walks: NDArray[np.bool_]
     velocities: Floats
     seen: NDArray[np.int64]
+    walked: NDArray[np.int64]
 
 
 class Others:
@@ -86,7 +89,7 @@ class Others:
             moved: Way of the ego since the last look [m].
         """
         drive = self._config
-        boxes, rested, margin, walks, velocities, seen = self._followed(vehicles, walkers, pose, moved)
+        boxes, rested, margin, walks, velocities, seen, walked = self._followed(vehicles, walkers, pose, moved)
         speeds, is_small = np.hypot(*velocities.T), walks | (boxes[:, 3] < _SMALL)
         rests = (speeds < drive.standing) & ~is_small  # who walks slowly is where he is found
         boxes[rests] = rested[rests]
@@ -94,7 +97,8 @@ class Others:
         counts = (seen >= drive.least_seen) & (walks | (boxes[:, 1] < 0.0))
         is_sure = counts & (margin >= 0.0)
         moves = counts & ~is_sure & (speeds > drive.doubtful_speed)  # cyclists; fences stand
-        steps_out = walks & (margin >= 0.0) & np.isnan(speeds) & _appears_near(boxes, moved / self._period)
+        is_new = np.isnan(speeds) | (walked <= _HASTY)
+        steps_out = walks & (margin >= 0.0) & is_new & _appears_near(boxes, moved / self._period)
         cars = np.flatnonzero(is_sure & ~is_small)
         nearest = cars[np.argsort(np.hypot(*boxes[cars, :2].T), kind="stable")][: drive.forecasts]
         people = (is_sure & is_small) | moves | steps_out
@@ -121,6 +125,7 @@ class Others:
             walked,
             np.concatenate([tracks.velocities, missed.velocities]),
             np.concatenate([tracks.seen, missed.seen]),
+            np.concatenate([tracks.since, missed.since]),
         )
 
     def _joined(self, vehicles: Detections, walkers: Detections) -> _Seen:

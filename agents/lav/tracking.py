@@ -28,11 +28,13 @@ class Tracked(NamedTuple):
         velocities: (N, 2) [m/s], not a number where they are not known yet.
         rested: (N, D) means of what was found, for those who stand; the largest of columns that are not averaged.
         seen: (N,) looks in which each was found.
+        since: (N,) of them those since the last column was 0 or more for the first time.
     """
 
     velocities: Floats
     rested: Floats
     seen: NDArray[np.int64]
+    since: NDArray[np.int64]
 
 
 class Tracker:
@@ -50,7 +52,7 @@ class Tracker:
         self._state = np.zeros((0, 2, 2))  # by track: place and velocity, by axis
         self._spread = np.zeros((0, 2, 2))  # the same for both axes
         self._missed = np.zeros(0, np.int64)
-        self._seen = np.zeros(0, np.int64)
+        self._seen, self._since = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._mean, self._looks = np.zeros((0, columns)), np.zeros(0)
 
     def update(self, found: Floats, moved: float = 0.0) -> Tracked:
@@ -66,10 +68,12 @@ class Tracker:
         self._correct(tracks, places[rows])
         self._average(tracks, found[rows], moved)
         self._seen[tracks] += 1
-        told = Tracked(np.full((count, 2), np.nan), found.copy(), np.ones(count, np.int64))
+        self._since[tracks] += self._mean[tracks, -1] >= 0.0
+        told = Tracked(np.full((count, 2), np.nan), found.copy(), np.ones(count, np.int64), _as_count(found))
         sure = self._spread[tracks, 1, 1] < _KNOWN**2
         told.velocities[rows[sure]] = self._state[tracks[sure], 1]
         told.rested[rows], told.seen[rows] = self._mean[tracks], self._seen[tracks]
+        told.since[rows] = self._since[tracks]
         self._renew(tracks, np.delete(found, rows, axis=0))
         return told
 
@@ -81,7 +85,7 @@ class Tracker:
         kept = (self._missed > 0) & self._is_within(time)
         velocities = np.where(self._spread[kept, 1, 1, None] < _KNOWN**2, self._state[kept, 1], np.nan)
         rested = np.concatenate([self._state[kept, 0], self._mean[kept, 2:]], axis=1)
-        return Tracked(velocities, rested, self._seen[kept])
+        return Tracked(velocities, rested, self._seen[kept], self._since[kept])
 
     def _is_within(self, time: float) -> NDArray[np.bool_]:
         """Who was found within the last `time` [s]."""
@@ -132,5 +136,11 @@ class Tracker:
         self._spread = np.concatenate([self._spread[kept], unsure])
         self._missed = np.concatenate([self._missed[kept], np.zeros(count, np.int64)])
         self._seen = np.concatenate([self._seen[kept], np.ones(count, np.int64)])
+        self._since = np.concatenate([self._since[kept], _as_count(found)])
         self._mean = np.concatenate([self._mean[kept], found])
         self._looks = np.concatenate([self._looks[kept], np.ones(count)])
+
+
+def _as_count(found: Floats) -> NDArray[np.int64]:
+    """(N,) 1 for those whose last column is 0 or more, else 0."""
+    return (found[:, -1] >= 0.0).astype(np.int64)

@@ -89,6 +89,18 @@ def test_who_appears_within_braking_distance_is_taken_to_step_out(
         assert found.walking[0, 0] == -np.sign(place[0]) * 4.0
 
 
+def test_a_walker_from_behind_something_has_no_speed_of_that_thing() -> None:
+    others, thing = Others(EVERY_TICK), seen(((5.0, -10.0), (0.5, 0.3), 0.2))
+    for _ in range(8):
+        others.update(thing, seen(), HERE, 9.7 * DT)
+    walking = []
+    for tick in range(12):
+        walker = seen(((4.6 - 3.8 * DT * tick, -9.5), WALKER, 0.6))
+        walking.append(others.update(seen(), walker, HERE, 9.7 * DT).walking[0, 0])
+    assert walking[:5] == [-4.0] * 5, "he is taken to run"
+    assert walking[-1] == pytest.approx(-3.8, abs=1.5)
+
+
 def test_who_has_stood_there_is_not_taken_to_step_out() -> None:
     others = Others(EVERY_TICK)
     for tick in range(20):
