@@ -23,9 +23,11 @@ _RESTING, _MARGIN, _AS_WALKER = 6, 6, 7  # numbers of a box that stands; what is
 _COAST = 0.2  # [s] that who was found is taken to be there still
 _FULL_BRAKES, _REACTION, _FRONT = 8.0, 0.35, 4.0  # [m/s²], [s], [m] of the ego and before it
 _STEPS_OUT, _BESIDE = 4.0, 1.2  # [m/s] towards the way, as runners do, of who lies that far aside [m]
-_HASTY = 5  # looks as a walker until his speed is believed: before, it may be that of what he came from behind
+_HASTY = 5  # looks (of walkers: as one) until his speed is believed: before, it may be that of what he came from behind
 _SAME = 1.0  # [m] between a walker and a vehicle that are one
 _SMALL = 0.55  # [m] half length of who walks, whatever it is found as; bicycles have 0.75 and more
+_SLIGHT = 0.7  # [m] half length of who may be a walker
+_NEAREST_ASIDE, _MOST_ASIDE = 1.5, 5.0  # [m] beside the way; what stands farther is furniture
 _WIDE = 1.3  # [m] half length of who can't be a walker, though he was found as one
 
 
@@ -97,8 +99,9 @@ class Others:
         counts = (seen >= drive.least_seen) & (walks | (boxes[:, 1] < 0.0))
         is_sure = counts & (margin >= 0.0)
         moves = counts & ~is_sure & (speeds > drive.doubtful_speed)  # cyclists; fences stand
-        is_new = np.isnan(speeds) | (walked <= _HASTY)
-        steps_out = walks & (margin >= 0.0) & is_new & _appears_near(boxes, moved / self._period)
+        is_new = np.isnan(speeds) | (np.where(walks, walked, seen) <= _HASTY)
+        may_step_out = ((walks | is_small) & (margin >= 0.0)) | _is_slight_beside(boxes)
+        steps_out = may_step_out & is_new & _appears_near(boxes, moved / self._period)
         cars = np.flatnonzero(is_sure & ~is_small)
         nearest = cars[np.argsort(np.hypot(*boxes[cars, :2].T), kind="stable")][: drive.forecasts]
         people = (is_sure & is_small) | moves | steps_out
@@ -158,6 +161,12 @@ def _appears_near(boxes: Floats, speed: float) -> NDArray[np.bool_]:
     """(N,) who is ahead, so near that by the time his speed is known full brakes come too late."""
     ahead = -boxes[:, 1]
     return np.asarray((ahead > 0.0) & (ahead < speed * speed / (2.0 * _FULL_BRAKES) + _REACTION * speed + _FRONT))
+
+
+def _is_slight_beside(boxes: Floats) -> NDArray[np.bool_]:
+    """(N,) who is no longer than a bicycle and right beside the way: sure or not, he may be a walker."""
+    aside = np.abs(boxes[:, 0])
+    return np.asarray((boxes[:, 3] < _SLIGHT) & (aside > _NEAREST_ASIDE) & (aside < _MOST_ASIDE))
 
 
 def _towards_the_way(boxes: Floats) -> Floats:

@@ -89,6 +89,24 @@ def test_who_appears_within_braking_distance_is_taken_to_step_out(
         assert found.walking[0, 0] == -np.sign(place[0]) * 4.0
 
 
+@pytest.mark.parametrize(
+    ("aside", "half", "score", "steps_out"),
+    [
+        (3.5, (0.35, 0.2), 0.35, True),  # found as a small vehicle
+        (3.5, (0.6, 0.25), 0.2, True),  # in doubt, but right beside the way
+        (5.7, (0.35, 0.2), 0.2, False),  # a bin
+        (3.5, (2.2, 0.9), 0.6, False),  # a parked car
+        (0.5, (0.6, 0.25), 0.2, False),  # on the way: nothing to step out of
+    ],
+)
+def test_who_is_slight_and_appears_beside_the_way_may_step_out(
+    aside: float, half: tuple[float, float], score: float, steps_out: bool
+) -> None:
+    others = Others(EVERY_TICK)
+    found = others.update(seen(((aside, -9.0), half, score)), seen(), HERE, 9.7 * DT)
+    assert found.walking.tolist() == ([[-4.0, 0.0]] if steps_out else [])
+
+
 def test_a_walker_from_behind_something_has_no_speed_of_that_thing() -> None:
     others, thing = Others(EVERY_TICK), seen(((5.0, -10.0), (0.5, 0.3), 0.2))
     for _ in range(8):
