@@ -118,6 +118,32 @@ class StuckCounter:
         return Control(throttle=max(control.throttle, _CREEP_THROTTLE))
 
 
+class Caution:
+    """The room before walkers, kept for a while: forecasts of who starts to walk come into the way and leave it again.
+
+    Args:
+        config: For how long.
+    """
+
+    def __init__(self, config: DriveConfig) -> None:
+        self._length = round(config.caution / DT)
+        self._left, self._room = 0, math.inf
+
+    def step(self, room: float, speed: float) -> float:
+        """The room [m] that counts at this tick.
+
+        Args:
+            room: Before walkers that are in the way now [m]; infinite if none is.
+            speed: Of the ego [m/s].
+        """
+        self._left -= 1
+        self._room = self._room - speed * DT if self._left > 0 else math.inf
+        if math.isfinite(room):
+            self._left = self._length
+        self._room = min(room, max(self._room, 0.0))
+        return self._room
+
+
 class Impatience:
     """How much nearer the ego passes others the longer it stands: boxes err, and one found too near would hold it.
 

@@ -18,6 +18,7 @@ from agents.lav.config import COMMANDS, TIME_STEP, DriveConfig
 from agents.lav.controller import (
     ALLOWED_SLACK,
     STOP,
+    Caution,
     Controller,
     Impatience,
     StuckCounter,
@@ -153,7 +154,7 @@ class Driver:
         self._config = config
         self._box = np.array([0.0, *half_size])
         self._controller = Controller(config)
-        self._stuck, self._impatience = StuckCounter(config), Impatience(config)
+        self._stuck, self._impatience, self._caution = StuckCounter(config), Impatience(config), Caution(config)
         self._less = 0.0  # [m] of the margin aside
         self._others: Mapping[str, Forecasts] = {}
         self._in_way: dict[str, NDArray[np.int64]] = {}
@@ -181,7 +182,9 @@ class Driver:
         self._less = self._impatience.step(speed, self._is_narrow(plan, others))
         hits = {kind: self._hit(plan, each) for kind, each in others.items()}
         self._in_way = {kind: np.flatnonzero(hit.any(axis=1)) for kind, hit in hits.items()}
-        room = min((room_before(plan, np.asarray(hit.any(axis=0))) for hit in hits.values()), default=math.inf)
+        rooms = {kind: room_before(plan, np.asarray(hit.any(axis=0))) for kind, hit in hits.items()}
+        rooms["walker"] = self._caution.step(rooms.get("walker", math.inf), speed)
+        room = min(rooms.values())
         is_told = is_held or allowed < self._config.stop_below + ALLOWED_SLACK  # what it stands for
         self._others, self._is_held = others, is_told
         before = 0.0 if is_held else allowed_speed(room - self._config.room, self._config)

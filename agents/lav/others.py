@@ -114,7 +114,8 @@ class Others:
         """Everybody who is found, and who is missed for a moment."""
         boxes, margin, walks = self._joined(vehicles, walkers)
         as_walker = np.where(walks, margin, -1.0)
-        tracks = self._tracker.update(np.column_stack([_resting(boxes, pose), margin, as_walker]), moved)
+        looks = np.column_stack([_resting(boxes, pose), margin, as_walker])
+        tracks = self._tracker.update(looks, moved, walks | (boxes[:, 3] < _SLIGHT))
         missed = self._tracker.coasting(_COAST)
         lost, rested = missed.rested, np.concatenate([tracks.rested, missed.rested])
         boxes = np.concatenate([boxes, _unresting(lost, pose)])

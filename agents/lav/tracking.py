@@ -11,8 +11,9 @@ from scipy.optimize import linear_sum_assignment
 Floats = NDArray[np.float64]
 
 _GATE = 2.5  # [m] from where an actor was expected
-_PLACE_STD = 0.25  # [m] of a detection: cells are half a metre
-_ACCELERATION = 2.5  # [m/s²]
+# Standard deviations of a detection's place [m], and of accelerations [m/s²]: of cars, and of who is small and nimble.
+_PLACE_STD = np.array([0.25, 0.15])
+_ACCELERATION = np.array([2.5, 4.0])
 _BEGIN_SPEED = 8.0  # [m/s] what a new one may drive
 _KNOWN = 1.0  # [m/s] standard deviation below which a velocity is told
 _STANDS = 1.0  # [m/s]
@@ -51,20 +52,24 @@ class Tracker:
         self._averaged = columns - highest
         self._state = np.zeros((0, 2, 2))  # by track: place and velocity, by axis
         self._spread = np.zeros((0, 2, 2))  # the same for both axes
+        self._nimble = np.zeros(0, np.int64)
         self._missed = np.zeros(0, np.int64)
         self._seen, self._since = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._mean, self._looks = np.zeros((0, columns)), np.zeros(0)
 
-    def update(self, found: Floats, moved: float = 0.0) -> Tracked:
+    def update(self, found: Floats, moved: float = 0.0, nimble: NDArray[np.bool_] | None = None) -> Tracked:
         """Takes in a look.
 
         Args:
             found: (N, D) of each actor: its place [m], and whatever is to be averaged of those who stand.
             moved: Way of the ego since the last look [m].
+            nimble: (N,) who is small: found more precisely, and starts and stops at once.
         """
         places, count = found[:, :2], len(found)
+        kinds = np.zeros(count, np.int64) if nimble is None else nimble.astype(np.int64)
         self._predict()
         tracks, rows = self._pairs(places)
+        self._nimble[tracks] = kinds[rows]
         self._correct(tracks, places[rows])
         self._average(tracks, found[rows], moved)
         self._seen[tracks] += 1
@@ -74,7 +79,7 @@ class Tracker:
         told.velocities[rows[sure]] = self._state[tracks[sure], 1]
         told.rested[rows], told.seen[rows] = self._mean[tracks], self._seen[tracks]
         told.since[rows] = self._since[tracks]
-        self._renew(tracks, np.delete(found, rows, axis=0))
+        self._renew(tracks, np.delete(found, rows, axis=0), np.delete(kinds, rows))
         return told
 
     def coasting(self, time: float) -> Tracked:
@@ -94,9 +99,9 @@ class Tracker:
     def _predict(self) -> None:
         period = self._period
         step = np.array([[1.0, period], [0.0, 1.0]])
-        push = np.array([period * period / 2.0, period]) * _ACCELERATION
+        push = np.array([period * period / 2.0, period]) * _ACCELERATION[self._nimble, None]
         self._state = step @ self._state
-        self._spread = step @ self._spread @ step.T + np.outer(push, push)
+        self._spread = step @ self._spread @ step.T + push[:, :, None] * push[:, None]
 
     def _pairs(self, places: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Numbers of tracks and of the detections that are theirs."""
@@ -108,7 +113,7 @@ class Tracker:
 
     def _correct(self, tracks: NDArray[np.int64], places: Floats) -> None:
         spread = self._spread[tracks]
-        gain = spread[:, :, 0] / (spread[:, :1, 0] + _PLACE_STD**2)
+        gain = spread[:, :, 0] / (spread[:, :1, 0] + _PLACE_STD[self._nimble[tracks], None] ** 2)
         self._state[tracks] += gain[:, :, None] * (places - self._state[tracks, 0])[:, None]
         self._spread[tracks] = spread - gain[:, :, None] * spread[:, :1]
 
@@ -124,14 +129,16 @@ class Tracker:
         mean[:, self._averaged :] = np.maximum(mean, found)[:, self._averaged :]
         self._mean[tracks] = mean
 
-    def _renew(self, tracks: NDArray[np.int64], found: Floats) -> None:
+    def _renew(self, tracks: NDArray[np.int64], found: Floats, kinds: NDArray[np.int64]) -> None:
         """Forgets the lost, begins with the new."""
         fresh, count = found[:, :2], len(found)
         self._missed += 1
         self._missed[tracks] = 0
         kept = self._is_within(_LOST)
         begin = np.stack([fresh, np.zeros_like(fresh)], axis=1)
-        unsure = np.broadcast_to(np.diag([_PLACE_STD**2, _BEGIN_SPEED**2]), (len(fresh), 2, 2))
+        unsure = np.zeros((count, 2, 2))
+        unsure[:, 0, 0], unsure[:, 1, 1] = _PLACE_STD[kinds] ** 2, _BEGIN_SPEED**2
+        self._nimble = np.concatenate([self._nimble[kept], kinds])
         self._state = np.concatenate([self._state[kept], begin])
         self._spread = np.concatenate([self._spread[kept], unsure])
         self._missed = np.concatenate([self._missed[kept], np.zeros(count, np.int64)])

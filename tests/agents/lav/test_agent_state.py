@@ -112,3 +112,16 @@ def test_who_drives_is_where_he_is_found() -> None:
         here = np.array([[0.4 * tick, 0.0]])
         told = tracker.update(here, 0.4)
     assert told.rested[0].tolist() == here[0].tolist()
+
+
+def test_who_is_small_is_known_to_start_sooner_than_a_car() -> None:
+    rng, lag = np.random.default_rng(0), {}
+    for nimble in (False, True):
+        tracker = Tracker(2.0 * DT)
+        for look in range(32):  # stands for two seconds, then 1 m/s²
+            time = max(2.0 * DT * look - 2.0, 0.0)
+            place = np.array([[8.0 - 0.5 * time**2, -9.0]]) + rng.normal(0.0, 0.1, 2)
+            told = tracker.update(place, 0.0, np.array([nimble]))
+        lag[nimble] = 1.1 - float(-told.velocities[0, 0])
+    assert abs(lag[True]) < 0.35
+    assert lag[False] > lag[True]

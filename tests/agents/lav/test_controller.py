@@ -9,6 +9,7 @@ import pytest
 
 from agents.lav.config import DriveConfig, PidConfig
 from agents.lav.controller import (
+    Caution,
     Controller,
     Impatience,
     Pid,
@@ -165,3 +166,14 @@ def test_the_longer_it_stands_the_more_narrowly_it_passes() -> None:
     boxes = np.array([(0.0, *CAR), (0.0, *CAR)])
     for less, hit in ((0.0, True), (0.4, False)):
         assert touched(straight(6.0), parked, np.ones((1, 6)), boxes, CONFIG, less).any() == hit
+
+
+def test_it_goes_on_braking_for_a_walker_who_is_out_of_the_way_for_a_moment() -> None:
+    caution = Caution(CONFIG)
+    assert [caution.step(6.0, 8.0), caution.step(math.inf, 8.0)] == pytest.approx([6.0, 5.6])
+    assert caution.step(3.0, 8.0) == 3.0, "who is nearer counts"
+    held = [caution.step(math.inf, 2.0) for _ in range(10)]
+    assert held[:7] == pytest.approx([2.9 - 0.1 * k for k in range(7)])
+    assert held[7:] == [math.inf] * 3
+    off = Caution(CONFIG.model_copy(update={"caution": 0.0}))
+    assert [off.step(6.0, 8.0), off.step(math.inf, 8.0)] == [6.0, math.inf]
