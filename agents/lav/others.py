@@ -14,6 +14,7 @@ from agents.lav.config import DriveConfig
 from agents.lav.frames import planner_from_world, world_from_planner
 from agents.lav.localise import Pose
 from agents.lav.models.detection import Detections
+from agents.lav.stepping import SLIGHT, SMALL, steps_out, towards_the_way
 from agents.lav.tracking import Tracker
 from lavsim.types import DT
 
@@ -21,13 +22,7 @@ Floats = NDArray[np.float64]
 
 _RESTING, _MARGIN, _AS_WALKER = 6, 6, 7  # numbers of a box that stands; what is tracked beside it
 _COAST = 0.2  # [s] that who was found is taken to be there still
-_FULL_BRAKES, _REACTION, _FRONT = 8.0, 0.35, 4.0  # [m/s²], [s], [m] of the ego and before it
-_STEPS_OUT, _BESIDE = 4.0, 1.2  # [m/s] towards the way, as runners do, of who lies that far aside [m]
-_HASTY = 5  # looks (of walkers: as one) until his speed is believed: before, it may be that of what he came from behind
 _SAME = 1.0  # [m] between a walker and a vehicle that are one
-_SMALL = 0.55  # [m] half length of who walks, whatever it is found as; bicycles have 0.75 and more
-_SLIGHT = 0.7  # [m] half length of who may be a walker
-_NEAREST_ASIDE, _MOST_ASIDE = 1.5, 5.0  # [m] beside the way; what stands farther is furniture
 _WIDE = 1.3  # [m] half length of who can't be a walker, though he was found as one
 
 
@@ -75,7 +70,11 @@ class _Followed(NamedTuple):
 
 
 class Others:
-    """Follows"""
+    """Follows everybody who is found, and says who counts.
+
+    Args:
+        config: How sure detections must be, and how often they come.
+    """
 
     def __init__(self, config: DriveConfig) -> None:
         self._config, self._period = config, config.look_every * DT
@@ -92,22 +91,20 @@ class Others:
         """
         drive = self._config
         boxes, rested, margin, walks, velocities, seen, walked = self._followed(vehicles, walkers, pose, moved)
-        speeds, is_small = np.hypot(*velocities.T), walks | (boxes[:, 3] < _SMALL)
+        speeds, is_small = np.hypot(*velocities.T), walks | (boxes[:, 3] < SMALL)
         rests = (speeds < drive.standing) & ~is_small  # who walks slowly is where he is found
         boxes[rests] = rested[rests]
 
         counts = (seen >= drive.least_seen) & (walks | (boxes[:, 1] < 0.0))
         is_sure = counts & (margin >= 0.0)
         moves = counts & ~is_sure & (speeds > drive.doubtful_speed)  # cyclists; fences stand
-        is_new = np.isnan(speeds) | (np.where(walks, walked, seen) <= _HASTY)
-        may_step_out = ((walks | is_small) & (margin >= 0.0)) | _is_slight_beside(boxes)
-        steps_out = may_step_out & is_new & _appears_near(boxes, moved / self._period)
+        runs = steps_out(boxes, margin, walks, np.where(walks, walked, seen), velocities, moved / self._period)
         cars = np.flatnonzero(is_sure & ~is_small)
         nearest = cars[np.argsort(np.hypot(*boxes[cars, :2].T), kind="stable")][: drive.forecasts]
-        people = (is_sure & is_small) | moves | steps_out
+        people = (is_sure & is_small) | moves | runs
 
         velocities = planner_from_world(velocities, np.zeros(2), pose.yaw)
-        velocities[steps_out] = _towards_the_way(boxes[steps_out])
+        velocities[runs] = towards_the_way(boxes[runs])
         return Found(boxes[nearest], velocities[nearest], boxes[people, :2], np.nan_to_num(velocities[people]))
 
     def _followed(self, vehicles: Detections, walkers: Detections, pose: Pose, moved: float) -> _Followed:
@@ -115,7 +112,7 @@ class Others:
         boxes, margin, walks = self._joined(vehicles, walkers)
         as_walker = np.where(walks, margin, -1.0)
         looks = np.column_stack([_resting(boxes, pose), margin, as_walker])
-        tracks = self._tracker.update(looks, moved, walks | (boxes[:, 3] < _SLIGHT))
+        tracks = self._tracker.update(looks, moved, walks | (boxes[:, 3] < SLIGHT))
         missed = self._tracker.coasting(_COAST)
         lost, rested = missed.rested, np.concatenate([tracks.rested, missed.rested])
         boxes = np.concatenate([boxes, _unresting(lost, pose)])
@@ -156,22 +153,3 @@ def _unresting(means: Floats, pose: Pose) -> Floats:
     """The inverse of `_resting`, of means (N, 6 or more)."""
     heading = np.arctan2(means[:, 3], means[:, 2]) / 2.0 - pose.yaw
     return np.column_stack([planner_from_world(means[:, :2], *pose), heading, means[:, 4:_RESTING]])
-
-
-def _appears_near(boxes: Floats, speed: float) -> NDArray[np.bool_]:
-    """(N,) who is ahead, so near that by the time his speed is known full brakes come too late."""
-    ahead = -boxes[:, 1]
-    return np.asarray((ahead > 0.0) & (ahead < speed * speed / (2.0 * _FULL_BRAKES) + _REACTION * speed + _FRONT))
-
-
-def _is_slight_beside(boxes: Floats) -> NDArray[np.bool_]:
-    """(N,) who is no longer than a bicycle and right beside the way: sure or not, he may be a walker."""
-    aside = np.abs(boxes[:, 0])
-    return np.asarray((boxes[:, 3] < _SLIGHT) & (aside > _NEAREST_ASIDE) & (aside < _MOST_ASIDE))
-
-
-def _towards_the_way(boxes: Floats) -> Floats:
-    """(N, 2) velocities of who is taken to step into the way [m/s]."""
-    aside = boxes[:, 0]
-    across = np.where(np.abs(aside) > _BESIDE, -np.sign(aside) * _STEPS_OUT, 0.0)
-    return np.stack([across, np.zeros(len(aside))], axis=1)
