@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from pydantic import Field
 
+from agents.lav.bumper import Bumper
 from agents.lav.config import DriveConfig
 from agents.lav.controller import BrakeHold
 from agents.lav.data.points import SCORES
@@ -33,7 +34,7 @@ from agents.lav.localise import Pose
 from agents.lav.look import Look, carried_forecasts, carried_outlook, carried_points, carried_sight
 from agents.lav.models.detection import Detections
 from agents.lav.others import Found, Others
-from agents.lav.perceive import CAMERAS, LIDAR, SUITE, TELEPHOTO, Perceiver, Sight, read_trained
+from agents.lav.perceive import CAMERAS, LIDAR, LIDAR_HEIGHT, SUITE, TELEPHOTO, Perceiver, Sight, read_trained
 from agents.lav.readings import Asked, Readings, Waypointer, rgb_of, speed_of
 from agents.lav.scans import Scans
 from lavsim.agent import Agent, Track
@@ -87,6 +88,7 @@ class LavAgent(Agent):
         self._eyes = Perceiver(read_trained(given.weights or None), given.drive)
         self.config = self._eyes.config
         self._driver, self._hold = Driver(self.config.drive, HALF_SIZE), BrakeHold(self.config.drive)
+        self._bumper = Bumper(self.config.drive, HALF_SIZE)
         self._scans = Scans(self.config)
         self._others = Others(self.config.drive)
         self._way: Waypointer | None = None
@@ -112,6 +114,8 @@ class LavAgent(Agent):
         plan = carried_points(self._look.outlook.plan, self._look.pose, self._pose)
         others = carried_forecasts(self._look.others, self._look.pose, self._pose)
         control = self._driver.step(plan, others, speed, asked.command, is_held, allowed)
+        if self._bumper.step(self._look.sight.points, LIDAR_HEIGHT, control.steer, speed):
+            control = Control(steer=control.steer, brake=1.0)
         self._steer = control.steer
         return control
 

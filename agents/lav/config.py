@@ -191,6 +191,9 @@ class DriveConfig(Config):
     leader_brakes: float = Field(
         default=3.0, ge=0.0, description="What who goes the ego's way may brake with [m/s²]; 0: learned forecasts only."
     )
+    bumper: float = Field(
+        default=45.0, ge=0.0, description="Points right before the bumper hold who stands so long [s]; 0: they don't."
+    )
     caution: float = Field(default=0.4, ge=0.0, description="So long it goes on braking for walkers once it began [s].")
     patience: float = Field(default=4.0, ge=0.0, description="Standing longer, it passes others more narrowly [s].")
     yield_time: float = Field(default=8.0, gt=0.0, description="So long until it does so fully [s].")
