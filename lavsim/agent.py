@@ -33,6 +33,7 @@ __all__ = [
     "AgentFailure",
     "AgentHandle",
     "AgentPlan",
+    "AgentShell",
     "AgentSpec",
     "AgentStatus",
     "Location",
@@ -349,3 +350,27 @@ class AgentHandle(Protocol):
 
     def close(self) -> None:
         """Destroys the agent; nothing of it is left running. May be called twice."""
+
+
+class AgentShell:
+    """What stands around an agent and passes everything on; the step is for who derives from it.
+
+    Args:
+        agent: Who is inside.
+    """
+
+    def __init__(self, agent: AgentHandle) -> None:
+        self._agent = agent
+
+    @property
+    def track(self) -> Track:
+        return self._agent.track
+
+    def start(self, plan: AgentPlan, spacing: float | None = None) -> None:
+        self._agent.start(plan, spacing)
+
+    def sensors(self) -> list[dict[str, Any]]:
+        return self._agent.sensors()
+
+    def close(self) -> None:
+        self._agent.close()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lavsim.agent import AgentFailure, AgentHandle, AgentSpec, AgentStatus, Readings, Track, plan_of
+from lavsim.agent import AgentFailure, AgentHandle, AgentShell, AgentSpec, AgentStatus, Readings, Track, plan_of
 from lavsim.episode import EpisodeResult, Observer, run_episode
 from lavsim.errors import LavsimError
 from lavsim.isolation import ChildAgent
@@ -248,27 +248,15 @@ def _suite(
         raise AgentFailure(AgentStatus.SENSORS_INVALID, str(error)) from None
 
 
-class _OwnReadings:
+class _OwnReadings(AgentShell):
     """An agent that gets its own sensors' readings out of more."""
 
     def __init__(self, agent: AgentHandle, ids: set[str]) -> None:
-        self._agent, self._ids = agent, ids
-
-    @property
-    def track(self) -> Track:
-        return self._agent.track
-
-    def start(self, plan: Any, spacing: float | None = None) -> None:
-        self._agent.start(plan, spacing)
-
-    def sensors(self) -> list[dict[str, Any]]:
-        return self._agent.sensors()
+        super().__init__(agent)
+        self._ids = ids
 
     def step(self, readings: Readings, time: float) -> Control:
         return self._agent.step({key: value for key, value in readings.items() if key in self._ids}, time)
-
-    def close(self) -> None:
-        self._agent.close()
 
 
 class _Reporter:

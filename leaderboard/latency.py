@@ -10,11 +10,10 @@ import math
 import time as clock
 from collections import deque
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lavsim.agent import AgentHandle, AgentPlan, Readings, Track
+from lavsim.agent import AgentHandle, AgentShell, Readings
 from lavsim.errors import ConfigError, OutputError
 from lavsim.types import DT, Control
 from leaderboard.run import Run
@@ -62,32 +61,19 @@ def _measured(folder: Path) -> float:
     return float(np.median(steps)) / 1e3
 
 
-class PacedAgent:
+class PacedAgent(AgentShell):
     """An agent whose steps are timed and whose controls act `ticks` ticks late; until the first it stands braked."""
 
     def __init__(self, agent: AgentHandle, ticks: int = 0) -> None:
-        self._agent = agent
+        super().__init__(agent)
         self._times: list[float] = []
         self._under_way = deque([Control(brake=1.0)] * ticks)
-
-    @property
-    def track(self) -> Track:
-        return self._agent.track
-
-    def start(self, plan: AgentPlan, spacing: float | None = None) -> None:
-        self._agent.start(plan, spacing)
-
-    def sensors(self) -> list[dict[str, Any]]:
-        return self._agent.sensors()
 
     def step(self, readings: Readings, time: float) -> Control:
         begun = clock.perf_counter()
         self._under_way.append(self._agent.step(readings, time))
         self._times.append(clock.perf_counter() - begun)
         return self._under_way.popleft()
-
-    def close(self) -> None:
-        self._agent.close()
 
     def step_ms(self) -> dict[str, float] | None:
         """Wall-clock time of a step, its way to the agent's process included [ms]; None before the first."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.agent import AgentHandle, AgentPlan, Readings, Track
+from lavsim.agent import AgentHandle, AgentShell, Readings
 from lavsim.log.replay import control_of
 from lavsim.types import DT, Control
 
@@ -20,7 +20,7 @@ def first_of(header: Mapping[str, Any]) -> int:
     return int(header.get(HANDOVER, 0))
 
 
-class Handover:
+class Handover(AgentShell):
     """Gives the recorded controls up to a tick, and an agent's from there on.
 
     The agent is asked from the first tick on, so that it knows what has been by the time it drives.
@@ -33,17 +33,8 @@ class Handover:
     """
 
     def __init__(self, agent: AgentHandle, controls: NDArray[np.float32], first: int, tick: int) -> None:
-        self._agent, self._controls, self._first, self._tick = agent, controls, first, tick
-
-    @property
-    def track(self) -> Track:
-        return self._agent.track
-
-    def start(self, plan: AgentPlan, spacing: float | None = None) -> None:
-        self._agent.start(plan, spacing)
-
-    def sensors(self) -> list[dict[str, Any]]:
-        return self._agent.sensors()
+        super().__init__(agent)
+        self._controls, self._first, self._tick = controls, first, tick
 
     def step(self, readings: Readings, time: float) -> Control:
         own = self._agent.step(readings, time)
@@ -51,6 +42,3 @@ class Handover:
         if tick >= self._tick:
             return own
         return control_of(self._controls[tick + 1 - self._first])  # a tick's control led there
-
-    def close(self) -> None:
-        self._agent.close()

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from lavsim.agent import AgentHandle, AgentPlan, Readings, Track
+from lavsim.agent import AgentHandle, AgentShell, Readings
 from lavsim.config import Config
 from lavsim.random import Draws
 from lavsim.types import DT, Control
@@ -74,7 +74,7 @@ class ControlNoise(Config):
         return float(steer * (1.0 - abs(2.0 * share - 1.0)))
 
 
-class DisturbedAgent:
+class DisturbedAgent(AgentShell):
     """An agent whose steer is disturbed on its way to the world.
 
     Args:
@@ -88,18 +88,9 @@ class DisturbedAgent:
     """
 
     def __init__(self, agent: AgentHandle, noise: ControlNoise, draws: Draws, speed: Callable[[], float]) -> None:
-        self._agent, self._noise, self._draws, self._speed = agent, noise, draws, speed
+        super().__init__(agent)
+        self._noise, self._draws, self._speed = noise, draws, speed
         self.wish = Control()
-
-    @property
-    def track(self) -> Track:
-        return self._agent.track
-
-    def start(self, plan: AgentPlan, spacing: float | None = None) -> None:
-        self._agent.start(plan, spacing)
-
-    def sensors(self) -> list[dict[str, Any]]:
-        return self._agent.sensors()
 
     def step(self, readings: Readings, time: float) -> Control:
         self.wish = self._agent.step(readings, time)
@@ -109,6 +100,3 @@ class DisturbedAgent:
     def labels(self) -> dict[str, Any]:
         """What the agent says of its last step."""
         return self._agent.labels() if hasattr(self._agent, "labels") else {}
-
-    def close(self) -> None:
-        self._agent.close()
