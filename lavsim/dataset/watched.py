@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-from lavsim.agent import AgentPlan, Readings, Track
+from lavsim.agent import AgentShell, Readings
 from lavsim.agent_runner import InProcessAgent
 from lavsim.types import Control
 
@@ -21,7 +21,7 @@ class Driver(Protocol):
         """What it says of its driving, of the last step."""
 
 
-class Watched:
+class Watched(AgentShell):
     """An agent handle that remembers what its agent asked for.
 
     Args:
@@ -29,25 +29,13 @@ class Watched:
     """
 
     def __init__(self, agent: InProcessAgent) -> None:
-        self._agent = agent
+        super().__init__(agent)
+        self._labels = agent.labels
         self.wish: Control | None = None
-
-    @property
-    def track(self) -> Track:
-        return self._agent.track
-
-    def start(self, plan: AgentPlan, spacing: float | None = None) -> None:
-        self._agent.start(plan, spacing)
-
-    def sensors(self) -> list[dict[str, Any]]:
-        return self._agent.sensors()
 
     def step(self, readings: Readings, time: float) -> Control:
         self.wish = self._agent.step(readings, time)
         return self.wish
 
     def labels(self) -> Mapping[str, Any]:
-        return self._agent.labels()
-
-    def close(self) -> None:
-        self._agent.close()
+        return self._labels()
