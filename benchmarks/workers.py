@@ -1,9 +1,9 @@
 """How much faster two workers score than one process, and whether their files agree.
 
-`python benchmarks/workers.py`: drives the same eight routes three times each, as the leaderboard does, with one and with
-two workers, prints the wall-clock times, their ratio and the median of it over `--rounds`, and fails below 1.7. A round
-takes eight minutes; only a machine with nothing else to do says anything. With one repetition the end of a run counts
-more: one worker has nothing left to do while the other ends the last drive.
+`python benchmarks/workers.py`: drives the same eight routes three times each, as the leaderboard does, with one and
+with two workers, prints the wall-clock times, their ratio and the median of it over `--rounds`, and fails below 1.7. A
+round takes eight minutes; only a machine with nothing else to do says anything. With one repetition the end of a run
+counts more: one worker has nothing left to do while the other ends the last drive.
 """
 
 from __future__ import annotations
