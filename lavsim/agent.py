@@ -148,13 +148,13 @@ class AgentPlan:
 
     @cached_property
     def world(self) -> list[tuple[Any, RoadOption]]:
-        """CARLA's list of (transform, option), in the classes of `carla_classes()`."""
+        """CARLA's list of (transform, option), in the classes of `carla_classes()`: in single precision, as CARLA's own
+        are, whichever they are."""
         location, rotation, transform = carla_classes()
+        points, yaws = self.points.astype(np.float32).tolist(), self.yaw.astype(np.float32).tolist()
         return [
             (transform(location(x=x, y=y, z=z), rotation(yaw=yaw)), RoadOption(option))
-            for (x, y, z), yaw, option in zip(
-                self.points.tolist(), self.yaw.tolist(), self.options.tolist(), strict=True
-            )
+            for (x, y, z), yaw, option in zip(points, yaws, self.options.tolist(), strict=True)
         ]
 
     def to_message(self) -> dict[str, Any]:
@@ -202,9 +202,16 @@ def downsample_route(route: Sequence[tuple[Any, Any]], sample_factor: float) -> 
             kept.append(index)
             distance = 0.0
         else:
-            distance += transform.location.distance(route[index - 1][0].location)
+            distance += _single_distance(transform.location, route[index - 1][0].location)
         previous = option
     return kept
+
+
+def _single_distance(a: Any, b: Any) -> float:
+    """What `carla.Location.distance` says [m], in single precision; ours would keep other points where metres add up to
+    the very limit."""
+    ahead, aside, up = (np.float32(getattr(a, axis)) - np.float32(getattr(b, axis)) for axis in "xyz")
+    return float(np.sqrt(ahead * ahead + aside * aside + up * up))
 
 
 class SensorInterface:

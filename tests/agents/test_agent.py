@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import lavsim.agent
 from lavsim.agent import (
     Agent,
     AgentFailure,
@@ -16,6 +17,7 @@ from lavsim.agent import (
     AgentSpec,
     AgentStatus,
     Location,
+    Rotation,
     Track,
     Transform,
     downsample_route,
@@ -34,6 +36,30 @@ F, L, S, CL = RoadOption.LANEFOLLOW, RoadOption.LEFT, RoadOption.STRAIGHT, RoadO
 def straight_plan(count: int = 120) -> AgentPlan:
     points = np.stack([np.arange(1.0, count + 1.0), np.zeros(count), np.zeros(count)], axis=1)
     return AgentPlan(points, np.zeros(count), np.full(count, int(F), np.int8), points / 111_319.49)
+
+
+def slanted_plan() -> AgentPlan:
+    """Metres that add up to the very limit, at places that single precision has not."""
+    way = np.arange(400.0)
+    points = np.stack([700.1 + 0.6 * way, -300.3 - 0.8 * way, np.zeros(400)], axis=1)
+    return AgentPlan(points, np.full(400, 53.13), np.full(400, int(F), np.int8), points / 111_319.49)
+
+
+@pytest.mark.parametrize("has_carla", [False, True])
+def test_a_plan_is_the_same_with_and_without_the_package_carla(
+    has_carla: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if has_carla:
+        classes = pytest.importorskip("carla", reason="its package is not installed")
+        monkeypatch.setattr(
+            lavsim.agent, "carla_classes", lambda: (classes.Location, classes.Rotation, classes.Transform)
+        )
+    else:
+        monkeypatch.setattr(lavsim.agent, "carla_classes", lambda: (Location, Rotation, Transform))
+    world, points = slanted_plan().world, slanted_plan().points.astype(np.float32)
+    assert [(t.location.x, t.location.y) for t, _ in world] == [(x, y) for x, y, _ in points.tolist()]
+    assert {t.rotation.yaw for t, _ in world} == {float(np.float32(53.13))}
+    assert downsample_route(world, 50) == [0, 52, 104, 156, 208, 260, 312, 364, 399]  # 363 in double precision
 
 
 def straight_route(*pieces: tuple[RoadOption, int]) -> list[tuple[Transform, RoadOption]]:
