@@ -1,7 +1,8 @@
 """The child process an agent lives in: it may raise, hang, leak or die, and only its own route ends.
 
 The parent hands it readings through shared memory, waits with a time-out, watches its memory, keeps its output in a
-capped file, and leaves no process of it behind. See `lavsim.isolation_child` for the other side.
+capped file, and leaves no process of it behind. See `lavsim.isolation_child` for the other side, and
+`lavsim.isolation_guard` for the process between the two.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import psutil
 from lavsim.agent import AgentFailure, AgentPlan, AgentSpec, AgentStatus, Readings, Track, parse_control
 from lavsim.drawings import Drawing, checked_all
 from lavsim.errors import ConfigError
+from lavsim.isolation_guard import IS_GUARDED, PATIENCE
 from lavsim.messages import Channel, MessageError
 from lavsim.types import Control
 
@@ -35,6 +37,7 @@ REPLY_LIMIT = 2**24  # [bytes] a control or a list of sensors is far below
 WATCH_INTERVAL = 0.5  # [s] between looks at the child's memory
 FIRST_STEP = 5.0  # times as long as the others: compilers and networks warm up in it
 CLOSE_TIMEOUT = 5.0  # [s] that `destroy` may take
+GUARD_TIMEOUT = PATIENCE + 1.0  # [s] that the guard may take to end what the agent started
 MARK = "LAVSIM_AGENT"  # variable by which what an agent started is known again
 _ROUNDS = 5  # of killing, for those that multiply meanwhile
 
@@ -236,7 +239,7 @@ class ChildAgent:
         assert self._process is not None
         try:
             child = psutil.Process(self._process.pid)
-            used = child.memory_info().rss
+            used = 0 if IS_GUARDED else child.memory_info().rss  # most of the guard's is the agent's, too
             for process in child.children(recursive=True):
                 self._offspring.add(process)
                 with contextlib.suppress(psutil.Error):
@@ -252,7 +255,7 @@ class ChildAgent:
         code: int | None = None
         if self._process is not None:
             with contextlib.suppress(subprocess.TimeoutExpired):
-                code = self._process.wait(1.0)
+                code = self._process.wait(GUARD_TIMEOUT)
         self._end()
         if code is None:
             return "the agent's process closed its connection"
@@ -262,10 +265,10 @@ class ChildAgent:
         return f"the agent's process ended itself with exit code {code}"
 
     def _end(self) -> None:
-        """Kills the process group and everything the child started, and waits for it.
+        """Ends the agent and everything it started, and waits for it.
 
-        What left the group and the child's family (a daemon forks twice) is adopted by the child while that lives, and
-        known by its environment or from earlier looks if not.
+        The guard does so. Should the agent have killed or stopped that, what it started is known by its environment or
+        from earlier looks.
         """
         process, self._process = self._process, None
         stream, self._stream = self._stream, None
@@ -276,6 +279,10 @@ class ChildAgent:
             return
         with contextlib.suppress(psutil.Error):
             self._offspring |= set(psutil.Process(process.pid).children(recursive=True))
+        if IS_GUARDED:
+            process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(GUARD_TIMEOUT)
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()

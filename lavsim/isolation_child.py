@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import mmap
 import os
-import signal
 import socket
 import sys
 import traceback
@@ -16,13 +14,13 @@ from typing import Any
 from lavsim import carla_standin, route_standin, srunner_standin
 from lavsim.agent import AgentFailure, AgentPlan, AgentSpec, AgentStatus
 from lavsim.agent_runner import AgentRunner
+from lavsim.isolation_guard import stand_guard
 from lavsim.messages import Channel
 
 
 def main(arguments: list[str]) -> int:
     """Answers orders until the parent says `close` or is gone."""
-    _die_with_parent()
-    _adopt_orphans()
+    stand_guard()
     stream = socket.socket(fileno=int(arguments[0]))
     shared = mmap.mmap(int(arguments[1]), 0)
     os.close(int(arguments[1]))
@@ -86,18 +84,6 @@ def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(Exception):  # agents replace and close these
             stream.flush()
-
-
-def _die_with_parent() -> None:
-    """Asks Linux to kill this process with the parent, which else could leave a hanging agent behind."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-
-
-def _adopt_orphans() -> None:
-    """Asks Linux to hand this process what daemons of the agent leave, so that the parent finds them below it."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(36, 1)  # PR_SET_CHILD_SUBREAPER
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("live",),
     ("dataset", "rerun_export", "export_scene"),
     ("episode", "viewer"),
-    ("isolation", "isolation_child"),
+    ("isolation", "isolation_child", "isolation_guard"),
     ("agent", "agent_runner", "agent_source", "carla_standin", "route_standin", "srunner_standin"),
     ("log",),
     ("simulation",),

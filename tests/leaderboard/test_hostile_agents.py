@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from multiprocessing import resource_tracker
 from pathlib import Path
 
 import psutil
@@ -32,7 +33,9 @@ HARM = {
     "threads": ("Completed", None),
     "children": ("Completed", None),
     "daemon-and-exit": (CRASHED, "exit code 0"),
+    "daemon-and-kill-the-guard": (CRASHED, "killed by SIGKILL"),
 }
+STARTED = {"children": 3, "daemon-and-exit": 1, "daemon-and-kill-the-guard": 1}  # processes
 SOME = ["raise-in-sensors", "out-of-range", "children", "daemon-and-exit"]
 LIMITS = {"step_timeout": 10.0, "setup_timeout": 20.0, "memory_limit": 600 * 2**20}
 
@@ -44,8 +47,8 @@ def harm(folder: Path, moods: list[str]) -> Run:
     return evaluate(config(folder, words, agent=agent, **LIMITS))
 
 
-def left_over(run: Run) -> list[int]:
-    """Processes that agents said they started and that still run."""
+def left_over(run: Run, started: int) -> list[int]:
+    """Those of the processes that agents said they `started` that still run."""
     pids = [
         int(pid)
         for path in sorted((run.folder / "logs").glob("*.agent.txt"))
@@ -53,12 +56,13 @@ def left_over(run: Run) -> list[int]:
         if line.startswith("pids ")
         for pid in line.split()[1:]
     ]
-    assert len(pids) == 4
+    assert len(pids) == started
     return [pid for pid in pids if psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE]
 
 
 @pytest.mark.parametrize("quick", [SOME, pytest.param(list(HARM), marks=pytest.mark.slow)], ids=["some", "all"])
 def test_hostile_agents_lose_their_own_routes_alone(tmp_path: Path, quick: list[str]) -> None:
+    resource_tracker.ensure_running()  # Python's own, which building a town starts and leaves
     before = {p.pid for p in psutil.Process().children(recursive=True)}
     moods = ["go", *(word for k, mood in enumerate(quick) for word in ((mood, "go") if k % 4 == 3 else (mood,)))]
     run = harm(tmp_path, moods)
@@ -71,7 +75,7 @@ def test_hostile_agents_lose_their_own_routes_alone(tmp_path: Path, quick: list[
     records = without_clock(run)["_checkpoint"]["records"]
     honest = [record for record, mood in zip(records, moods, strict=True) if mood == "go"]
     assert len({str([record["scores"], record["infractions"], record["meta"]]) for record in honest}) == 1
-    assert not left_over(run)
+    assert not left_over(run, sum(STARTED.get(mood, 0) for mood in moods))
     assert {p.pid for p in psutil.Process().children(recursive=True)} <= before
 
 
