@@ -5,7 +5,8 @@ This reproduces CARLA's `agents/navigation/global_route_planner.py` (0.9.10 to t
 
 - Nodes of the graph are ends of lanes rounded to whole metres, so what lies within a metre may fall together.
 - An edge costs its number of path points plus one, while the A* heuristic is in metres between rounded places. With
-  points 1 m apart or more it may overestimate, and then the way found is not the shortest.
+  points 1 m apart or more it may overestimate, and then the way found is not the shortest: a key point on a route can
+  lead the rest of it elsewhere.
 - A change of lane costs nothing and is only possible where a lane begins.
 - The decision at a crossing is remembered from one pair of key points to the next; a key point inside a junction leaves
   the rest of that crossing, and sometimes the next one, without a command.
