@@ -6,18 +6,25 @@ a seed. Rows that change nothing of a preset (as K = 5 of one that has five refi
 
 from __future__ import annotations
 
+import json
 import math
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from agents.lav.perceive import TRAINED
+from agents.lav.records import MEASURES
 from agents.lav.train import TrainTask, settings_of
 from agents.lav.variants import VARIANTS
+from agents.lav.weights import read_weights
 from lavsim.errors import UnknownName
 
 FULL = "full"  # the variant that others are compared with, and take shared stages from
+LAST = "full"  # the stage that no other needs
+_EYES = ("segmentation", "brake")
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ def trainings_of(variants: Sequence[str], seeds: int, task: TrainTask) -> tuple[
     Args:
         variants: Rows that are asked for.
         seeds: Trainings of each.
-        task: What all have in common; `out` holds a folder for each.
+        task: What all have in common; `out` holds a folder for each, `shared` what none of them trains.
 
     Raises:
         ConfigError: a setting does not fit.
@@ -92,12 +99,27 @@ def trainings_of(variants: Sequence[str], seeds: int, task: TrainTask) -> tuple[
     found = []
     for name in seen.values():
         for seed in range(seeds):
-            shared = None if name == FULL else task.out / FULL / f"seed{seed}"
+            shared = [*([] if name == FULL else [task.out / FULL / f"seed{seed}"]), *task.shared]
             found.append(Training(name, seed, replace(
                 task, stage="all", variant=name, out=task.out / name / f"seed{seed}", shared=shared, resume=True,
                 sets=(*task.sets, f"train.seed={seed}"),
             )))  # fmt: skip
     return found, stands_for
+
+
+def shipped_eyes(folder: Path, preset: str) -> Path:
+    """Lays the segmentation and the brake network that ship into `folder`, as a training would leave them.
+
+    Raises:
+        ConfigError: none ship for that preset.
+    """
+    for stage in _EYES:
+        source = TRAINED / f"{stage}-{preset}.safetensors"
+        measures = read_weights(source).lineage.get("measures", {})
+        (folder / stage).mkdir(parents=True, exist_ok=True)
+        (folder / stage / MEASURES).write_text(json.dumps(measures, indent=1, sort_keys=True) + "\n")
+        shutil.copyfile(source, folder / stage / f"{stage}.safetensors")
+    return folder
 
 
 def table_text(title: str, rows: Mapping[str, Scores]) -> str:

@@ -29,7 +29,7 @@ from agents.lav.models.detection import PEDESTRIAN, VEHICLE, Detections, decode,
 from agents.lav.models.student import Student
 from agents.lav.models.teacher import Motions
 from agents.lav.painting import Painter
-from agents.lav.weights import Weights, read_weights
+from agents.lav.weights import Weights, read_weights, stage_file
 from lavsim.errors import ConfigError
 from lavsim.sensors.suites import SUITES
 
@@ -71,11 +71,11 @@ def read_trained(path: str | Path | None) -> Trained:
     """
     given = Path(path) if path else TRAINED / "full-tiny.safetensors"
     folder = given if given.is_dir() else None
-    student = _of_stage(folder / "full" / "full.safetensors" if folder else given, "full")
+    student = _of_stage(stage_file(folder, "full") if folder else given, "full")
 
     def beside(stage: str) -> Weights:
         shipped = TRAINED / f"{stage}-{student.config.name}.safetensors"
-        found = _of_stage(folder / stage / f"{stage}.safetensors" if folder else shipped, stage)
+        found = _of_stage(stage_file(folder, stage) if folder else shipped, stage)
         for name in _SIZES[stage]:
             if getattr(found.config, name) != getattr(student.config, name):
                 raise ConfigError(

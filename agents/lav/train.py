@@ -21,12 +21,13 @@ from agents.lav.records import MEASURES, Pace
 from agents.lav.stages.base import STAGES, Stage, StageInput, TrainConfig
 from agents.lav.training import train_stage
 from agents.lav.variants import find_variant
-from agents.lav.weights import digest_of_file, read_weights
+from agents.lav.weights import digest_of_file, read_weights, write_elsewhere
 from lavsim.config import Config, parse_config, read_config, resolved
 from lavsim.dataset.reader import Dataset
 from lavsim.errors import ConfigError, LavsimError, OutputError
 
 ALL = "all"
+DRIVES = ("segmentation", "brake", "full")  # stages whose networks the agent reads
 DONE = "done.json"  # what a stage without a network leaves last
 OnPace = Callable[[str, Pace], None]
 _TOLD_EVERY = 20  # steps between lines, where several processes train
@@ -54,11 +55,12 @@ class TrainTask:
         resume: Whether to go on with what lies in `out`.
         threads: Of each process.
         variant: A row of the paper's tables (`agents.lav.variants`), or None.
-        shared: Another training's folder: what is finished there and does not differ is taken from it; or None.
+        shared: Folders of other trainings; what is finished there and does not differ is taken from there.
         device: "cpu", "cuda" or "auto".
         processes: That share each batch.
         start: Weights that the stage begins from, or None.
         export: Whether networks are written as TorchScript too.
+        later: Stages that are left out of "all".
     """
 
     stage: str
@@ -71,11 +73,12 @@ class TrainTask:
     resume: bool = False
     threads: int = 1
     variant: str | None = None
-    shared: Path | None = None
+    shared: Sequence[Path] = ()
     device: str = "cpu"
     processes: int = 1
     start: Path | None = None
     export: bool = False
+    later: Sequence[str] = ()
 
 
 def train(task: TrainTask, on_pace: OnPace | None = None) -> dict[str, dict[str, float]]:
@@ -88,7 +91,7 @@ def train(task: TrainTask, on_pace: OnPace | None = None) -> dict[str, dict[str,
         DatasetError: the data can't be read.
         OutputError: the folder holds a training and `resume` is not set.
     """
-    names = stages_of(task.stage, settings_of(task).lav)
+    names = needed(task)
     settings = {name: settings_of(task, name) for name in names}
     if not task.resume and any((task.out / name).exists() for name in names):
         raise OutputError(f"{task.out} holds a training; --resume goes on with it.")
@@ -100,9 +103,33 @@ def train(task: TrainTask, on_pace: OnPace | None = None) -> dict[str, dict[str,
             continue
         job = _Job(task, name, settings[name], _parents(task, name, settings[name].lav))
         _work(job, on_pace)
+    _note_shared(task, settings)
     if task.export:
         _export(task, names)
     return {name: _measures(task, name, settings[name].lav) for name in names}
+
+
+def needed(task: TrainTask) -> list[str]:
+    """The stages of a task, parents first; of all, what the agent reads and what leads to those not yet finished."""
+    config = settings_of(task).lav
+    order = stages_of(task.stage, config)
+    if task.stage != ALL:
+        return order
+    found: set[str] = set()
+    for name in reversed(order):
+        unfinished = [other for other in found if _finished(task, other, config) is None]
+        if name in DRIVES or any(name in STAGES[other].needs(config) for other in unfinished):
+            found.add(name)
+    is_own = {name for name in order if _marker(task.out / name, name).exists()}
+    return [name for name in order if name in found | is_own and name not in task.later]
+
+
+def _note_shared(task: TrainTask, settings: Mapping[str, Settings]) -> None:
+    """Notes beside the weights where those that were taken from other trainings lie."""
+    found = {name: _finished(task, name, each.lav) for name, each in settings.items() if STAGES[name].is_trained}
+    files = {name: _weights(path, name) for name, path in found.items() if path and path != task.out / name}
+    if files:
+        write_elsewhere(task.out, files)
 
 
 def _export(task: TrainTask, names: Sequence[str]) -> None:
@@ -276,13 +303,13 @@ def describe(name: str, pace: Pace) -> str:
 
 
 def _finished(task: TrainTask, name: str, config: LavConfig) -> Path | None:
-    """Folder in which a stage is finished: its own, or the shared one if what lies there has the same sizes."""
+    """Folder in which a stage is finished: its own, or the first shared one in which it has the same sizes."""
     own = task.out / name
     if _marker(own, name).exists():
         _check_sizes(own, name, config)
         return own
-    if task.shared is not None:
-        shared = task.shared / name
+    for other in task.shared:
+        shared = other / name
         if _marker(shared, name).exists() and _differing(shared, name, config) is None:
             return shared
     return None

@@ -19,6 +19,7 @@ from lavsim.config import parse_config, resolved
 from lavsim.errors import ConfigError
 
 WEIGHTS_SCHEMA = 1
+ELSEWHERE = "stages.json"  # where a training's stages lie that it took from others, by name
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,26 @@ def read_weights(path: Path) -> Weights:
             return Weights(notes["stage"], config, tensors, json.loads(notes["lineage"]))
     except (SafetensorError, KeyError, ValueError) as error:
         raise ConfigError(f"{path.name} can't be read as weights: {error}.") from None
+
+
+def stage_file(folder: Path, stage: str) -> Path:
+    """The file of a stage's weights: a training's own, or the one that it took from another training."""
+    own, notes = folder / stage / f"{stage}.safetensors", folder / ELSEWHERE
+    if not own.exists() and notes.is_file():
+        try:
+            return folder / json.loads(notes.read_text())[stage]
+        except (ValueError, KeyError, TypeError):
+            return own
+    return own
+
+
+def write_elsewhere(folder: Path, files: Mapping[str, Path]) -> None:
+    """Notes where the weights of stages lie that a training took from others."""
+    notes = {stage: os.path.relpath(path, folder) for stage, path in files.items()}
+    folder.mkdir(parents=True, exist_ok=True)
+    partial = folder / (ELSEWHERE + ".partial")
+    partial.write_text(json.dumps(notes, indent=1, sort_keys=True) + "\n")
+    partial.replace(folder / ELSEWHERE)
 
 
 def digest_of_file(path: Path) -> str:

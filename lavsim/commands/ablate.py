@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -35,35 +36,48 @@ def ablate(
     seeds: Annotated[int, typer.Option(min=1, help="Trainings of each row; their drives have the same seeds.")] = 1,
     routes: Annotated[str, typer.Option(help="Name of a bundled route file, or a path.")] = "validation",
     route_ids: Annotated[str | None, typer.Option(help="Some routes of the file: '0,3-5'.")] = None,
+    shipped_eyes: Annotated[
+        bool, typer.Option("--shipped-eyes", help="Segmentation and brake network are those that ship.")
+    ] = False,
     workers: Annotated[int, typer.Option(min=1, help="Rows that are trained and driven side by side.")] = 1,
     device: Annotated[str, typer.Option(help="cpu, cuda, or auto: where it trains.")] = "cpu",
 ) -> None:
     """Train and drive what the paper's tables compare; stages that do not differ are trained once. Goes on where it
     was stopped."""
     try:
-        from agents.lav.ablation import FULL, tables_of, trainings_of
+        from agents.lav import ablation
         from agents.lav.train import TrainTask
     except ImportError as error:
         raise ConfigError(f"ablations need {error.name}: pip install 'lavsim[lav]'.") from None
 
-    asked = tables_of(tables or [])
-    task = TrainTask("all", data, out, preset, validation, config, sets or (), device=device)
-    trainings, stands_for = trainings_of([name for rows in asked.values() for name in rows], seeds, task)
-    for is_first in (True, False):  # the others take shared stages from the whole LAV
-        part = [training for training in trainings if (training.variant == FULL) == is_first]
-        for training in _done(part, routes, route_ids, workers):
-            typer.echo(f"{training.variant}, seed {training.seed}: done")
+    asked = ablation.tables_of(tables or [])
+    eyes = [ablation.shipped_eyes(out / "shipped", preset)] if shipped_eyes else []
+    task = TrainTask("all", data, out, preset, validation, config, sets or (), device=device, shared=eyes)
+    trainings, stands_for = ablation.trainings_of([name for rows in asked.values() for name in rows], seeds, task)
+    whole = [training for training in trainings if training.variant == ablation.FULL]
+    for training in _each(_train_shared, whole, workers):
+        typer.echo(f"{training.variant}, seed {training.seed}: what others share is trained")
+    for training in _each(partial(_train_and_drive, routes=routes, ids=route_ids), trainings, workers):
+        typer.echo(f"{training.variant}, seed {training.seed}: done")
     text = "\n".join(_tables(asked, trainings, stands_for))
     (out / "ablations.md").write_text(text)
     typer.echo(text)
 
 
-def _done(trainings: Sequence[Training], routes: str, ids: str | None, workers: int) -> Iterable[Training]:
+def _each(work: Callable[[Training], Training], trainings: Sequence[Training], workers: int) -> Iterable[Training]:
     if workers == 1:
-        yield from (_train_and_drive(training, routes, ids) for training in trainings)
+        yield from map(work, trainings)
         return
     with ProcessPoolExecutor(workers) as pool:
-        yield from pool.map(_train_and_drive, trainings, [routes] * len(trainings), [ids] * len(trainings))
+        yield from pool.map(work, trainings)
+
+
+def _train_shared(training: Training) -> Training:
+    from agents.lav.ablation import LAST
+    from agents.lav.train import train
+
+    train(replace(training.task, later=[LAST]))
+    return training
 
 
 def _train_and_drive(training: Training, routes: str, ids: str | None) -> Training:

@@ -28,7 +28,7 @@ def train(
         str | None, typer.Option(help="A row of the paper's tables: 'ego-only', 'refinements-1'.")
     ] = None,
     shared: Annotated[
-        Path | None, typer.Option(help="Another training's folder: stages that do not differ are taken from it.")
+        list[Path] | None, typer.Option(help="Another training's folder: stages that do not differ are taken from it.")
     ] = None,
     device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "cpu",
     processes: Annotated[int, typer.Option(min=1, help="Processes that share each batch: cores, or GPUs.")] = 1,
@@ -43,8 +43,8 @@ def train(
         raise ConfigError(f"training needs {error.name}: pip install 'lavsim[lav]'.") from None
 
     task = TrainTask(
-        stage, data, out, preset, validation, config, sets or (), resume, threads, variant, shared, device, processes,
-        start, export,
+        stage, data, out, preset, validation, config, sets or (), resume, threads, variant, shared or (), device,
+        processes, start, export,
     )  # fmt: skip
     with Shares() as shares:
         measures = run(task, lambda name, pace: shares.update(name, pace.step / pace.steps, describe(name, pace)))

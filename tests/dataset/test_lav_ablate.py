@@ -10,6 +10,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
 
 from lavsim.cli import main
+from leaderboard.run import Run
 
 ROUTES = Path(__file__).parents[2] / "examples" / "short.xml"
 ONE_STEP = ("train.epochs=0.01", "train.batch=4", 'train.precision="float32"')
@@ -29,6 +30,9 @@ def test_a_table_is_trained_driven_and_gone_on_with(
     assert sorted(path.name for path in (tmp_path / "refinements-0" / "seed0").iterdir() if path.is_dir()) == [
         "bev", "full", "runs",
     ]  # fmt: skip
+    for name in ("full", "refinements-0", "refinements-1"):
+        [record] = Run.load(tmp_path / name / "seed0" / "runs").records
+        assert "set up" not in record["status"], "what it shares with others is found"
     weights = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.safetensors")}
     assert main([*command, *sets, "--routes", str(ROUTES), "--route-ids", "0"]) == 0
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.safetensors")} == weights

@@ -12,10 +12,11 @@ import pytest
 torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
 
 from agents.lav.config import find_preset
+from agents.lav.perceive import read_trained
 from agents.lav.records import CURVE, PACE
 from agents.lav.stages.base import STAGES
 from agents.lav.train import DONE, TrainTask, stages_of, train
-from agents.lav.weights import read_weights
+from agents.lav.weights import ELSEWHERE, read_weights
 from lavsim.cli import main
 from lavsim.dataset.schema import DatasetInfo, RecordConfig
 from lavsim.errors import ConfigError, LavsimError
@@ -56,16 +57,27 @@ def test_all_stages_are_trained_parents_first_and_not_again(trained: TrainTask) 
 
 
 def test_a_variant_shares_what_does_not_differ(trained: TrainTask, tmp_path: Path) -> None:
-    task = replace(trained, stage="all", out=tmp_path, variant="ego-only", shared=trained.out)
+    task = replace(trained, stage="all", out=tmp_path, variant="ego-only", shared=[trained.out])
     train(task)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bev", "full"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bev", "full", ELSEWHERE]
+    assert read_trained(tmp_path).brake.stage == "brake", "what was taken from others drives, too"
     weights = read_weights(_marker(tmp_path, "full"))
     assert weights.lineage["variant"] == "ego-only"
     assert not weights.config.training.others
     joint = replace(task, out=tmp_path / "joint", variant="perception-joint")
     train(joint)
-    assert sorted(path.name for path in joint.out.iterdir()) == ["full"]
+    assert sorted(path.name for path in joint.out.iterdir()) == ["full", ELSEWHERE]
     assert "perception" not in stages_of("all", read_weights(_marker(joint.out, "full")).config)
+
+
+def test_what_only_leads_to_finished_stages_is_not_made(trained: TrainTask, tmp_path: Path) -> None:
+    eyes = tmp_path / "eyes"
+    for name in ("brake", "segmentation"):
+        eyes.mkdir(exist_ok=True)
+        (eyes / name).symlink_to(trained.out / name)
+    task = replace(trained, stage="all", out=tmp_path / "own", shared=[eyes], later=["full"])
+    train(task)
+    assert sorted(path.name for path in task.out.iterdir()) == ["bev", "painting", "perception", ELSEWHERE]
 
 
 @pytest.mark.parametrize(
@@ -83,7 +95,7 @@ def test_what_does_not_fit_gets_one_line(
 ) -> None:
     task = replace(trained, resume=True, **changes)  # type: ignore[arg-type]
     if task.out == trained.out and task.stage == "full":
-        task = replace(task, out=tmp_path, shared=None)
+        task = replace(task, out=tmp_path, shared=())
         for name in ("painting", "perception", "bev"):
             (tmp_path / name).symlink_to(trained.out / name)
     if task.device == "cuda":

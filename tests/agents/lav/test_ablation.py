@@ -10,12 +10,12 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsim[lav]'")
 
-from agents.lav.ablation import FULL, Scores, table_text, tables_of, trainings_of
-from agents.lav.train import TrainTask, settings_of
+from agents.lav.ablation import FULL, Scores, shipped_eyes, table_text, tables_of, trainings_of
+from agents.lav.train import TrainTask, needed, settings_of
 from agents.lav.variants import VARIANTS
 from lavsim.cli import main
 from lavsim.commands import ablate
-from lavsim.errors import UnknownName
+from lavsim.errors import ConfigError, UnknownName
 from leaderboard.run import Run
 
 TASK = TrainTask("all", Path("data"), Path("out"), "micro", sets=("train.epochs=2",))
@@ -51,10 +51,21 @@ def test_rows_that_change_nothing_are_trained_once_and_share_their_seed() -> Non
     assert len(tiny) == len(VARIANTS) - 3
     assert [training.variant for training in trainings[:3]] == ["full", "full", "refinements-0"]
     other = next(training for training in trainings if training.variant == "refinements-1" and training.seed == 1)
-    assert other.task.shared == Path("out/full/seed1")
+    assert other.task.shared == [Path("out/full/seed1")]
     assert other.task.out == Path("out/refinements-1/seed1")
     assert settings_of(other.task).lav.motion.refinements == 1
     assert settings_of(other.task, "bev").train.seed == 1
+
+
+def test_eyes_that_ship_are_no_training_s(tmp_path: Path) -> None:
+    eyes = shipped_eyes(tmp_path / "shipped", "tiny")
+    trainings, _ = trainings_of(["ego-only"], 1, replace(TASK, preset="tiny", out=tmp_path, shared=[eyes]))
+    assert [list(training.task.shared) for training in trainings] == [[eyes], [tmp_path / "full" / "seed0", eyes]]
+    for training in trainings:
+        assert "approaches" not in needed(training.task)
+        assert {"segmentation", "brake", "full"} <= set(needed(training.task))
+    with pytest.raises(ConfigError, match=r"no weights at .*segmentation-micro"):
+        shipped_eyes(tmp_path / "shipped", "micro")
 
 
 def test_a_table_says_ours_beside_the_paper_s() -> None:
@@ -76,16 +87,19 @@ def test_drives_are_paired_by_route_and_seed(tmp_path: Path) -> None:
 
 
 def test_it_trains_and_drives_what_is_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    shared: list[str] = []
     done: list[str] = []
 
-    def pretend(training: Any, routes: str, ids: str | None) -> Any:
-        done.append(f"{training.variant} {training.seed}")
+    def pretend(training: Any, routes: str = "", ids: str | None = None) -> Any:
+        (done if routes else shared).append(f"{training.variant} {training.seed}")
         return training
 
+    monkeypatch.setattr(ablate, "_train_shared", pretend)
     monkeypatch.setattr(ablate, "_train_and_drive", pretend)
     monkeypatch.setattr(Run, "load", lambda folder: run_of(folder, [50.0, 60.0], int(folder.parent.name[4:])))
     asked = ["--data", str(tmp_path), "--out", str(tmp_path), "--table", "refinement", "--seeds", "2"]
     assert main(["ablate", *asked]) == 0
+    assert shared == ["full 0", "full 1"]
     assert done == [f"{name} {seed}" for name in ("full", "refinements-0", "refinements-1") for seed in (0, 1)]
     assert "| K = 5 | 55.00 ± 0.00 |" in (tmp_path / "ablations.md").read_text()
     assert main(["ablate", *asked[:4], "--table", "refinements"]) == 2
