@@ -18,7 +18,7 @@ import numpy as np
 from agents.lav.perceive import TRAINED
 from agents.lav.records import MEASURES
 from agents.lav.train import TrainTask, settings_of
-from agents.lav.variants import VARIANTS
+from agents.lav.variants import VARIANTS, find_variant
 from agents.lav.weights import read_weights
 from lavsim.errors import UnknownName
 
@@ -65,19 +65,22 @@ class Scores:
     smallest: float = math.inf
 
 
-def tables_of(names: Sequence[str]) -> dict[str, list[str]]:
-    """Variants by table, of tables called so; of all without a name.
+def tables_of(names: Sequence[str], rows: Sequence[str] = ()) -> dict[str, list[str]]:
+    """Variants by table, of tables and variants called so; of all without a name.
 
     Raises:
-        UnknownName: there is no such table.
+        UnknownName: there is no such table or variant.
     """
     found: dict[str, list[str]] = {}
-    for variant, row in VARIANTS.items():
-        found.setdefault(row.row.split(":")[0], []).append(variant)
+    for variant, entry in VARIANTS.items():
+        found.setdefault(entry.row.split(":")[0], []).append(variant)
     for name in names:
         if name not in found:
             raise UnknownName("table", name, found)
-    return {name: found[name] for name in names or found}
+    for name in rows:
+        find_variant(name)
+    chosen = {name: [row for row in found[name] if row in rows or not rows] for name in names or found}
+    return {name: kept for name, kept in chosen.items() if kept}
 
 
 def trainings_of(variants: Sequence[str], seeds: int, task: TrainTask) -> tuple[list[Training], dict[str, str]]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from datetime import timedelta
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,8 +19,10 @@ from lavsim.errors import ConfigError
 
 if TYPE_CHECKING:
     from agents.lav.ablation import Scores, Training
+    from agents.lav.records import Pace
     from leaderboard.run import Run
 
+_TOLD_EVERY = 50  # steps
 _AGENT = "agents.lav:LavAgent"
 
 
@@ -28,6 +32,9 @@ def ablate(
     out: Annotated[Path, typer.Option(help="Folder of all trainings and runs, and of the tables.")],
     tables: Annotated[
         list[str] | None, typer.Option("--table", help="components, radius, perception, refinement; all without.")
+    ] = None,
+    rows: Annotated[
+        list[str] | None, typer.Option("--row", help="Some rows of them: 'ego-only', 'refinements-0'.")
     ] = None,
     preset: Annotated[str, typer.Option(help="Sizes: tiny, small, paper, micro.")] = "tiny",
     validation: Annotated[Path | None, typer.Option(help="Dataset of unseen towns, to measure on.")] = None,
@@ -50,7 +57,7 @@ def ablate(
     except ImportError as error:
         raise ConfigError(f"ablations need {error.name}: pip install 'lavsim[lav]'.") from None
 
-    asked = ablation.tables_of(tables or [])
+    asked = ablation.tables_of(tables or [], rows or [])
     eyes = [ablation.shipped_eyes(out / "shipped", preset)] if shipped_eyes else []
     task = TrainTask("all", data, out, preset, validation, config, sets or (), device=device, shared=eyes)
     trainings, stands_for = ablation.trainings_of([name for rows in asked.values() for name in rows], seeds, task)
@@ -76,8 +83,26 @@ def _train_shared(training: Training) -> Training:
     from agents.lav.ablation import LAST
     from agents.lav.train import train
 
-    train(replace(training.task, later=[LAST]))
+    train(replace(training.task, later=[LAST]), _Teller(training))
     return training
+
+
+class _Teller:
+    """Prints a line about a training now and then; several train side by side, so there is no bar."""
+
+    def __init__(self, training: Training) -> None:
+        self._title = f"{training.variant}, seed {training.seed}"
+        self._stage, self._began, self._first = "", 0.0, 0
+
+    def __call__(self, stage: str, pace: Pace) -> None:
+        from agents.lav.train import describe
+
+        if stage != self._stage:
+            self._stage, self._began, self._first = stage, time.monotonic(), pace.step
+        if pace.step % _TOLD_EVERY == 0 or pace.step == pace.steps:
+            each = (time.monotonic() - self._began) / max(pace.step - self._first, 1)
+            left = timedelta(seconds=round(each * (pace.steps - pace.step)))
+            typer.echo(f"{self._title}: {describe(stage, pace)}, {left} left", err=True)
 
 
 def _train_and_drive(training: Training, routes: str, ids: str | None) -> Training:
@@ -85,7 +110,7 @@ def _train_and_drive(training: Training, routes: str, ids: str | None) -> Traini
     from leaderboard.config import EvaluationConfig
     from leaderboard.evaluator import evaluate
 
-    train(training.task)
+    train(training.task, _Teller(training))
     evaluate(EvaluationConfig.of(
         agent=_AGENT, agent_config=str(training.task.out), routes=routes, route_ids=ids, seed=training.seed,
         out=training.runs, resume=True,

@@ -36,6 +36,9 @@ def test_tables_are_the_paper_s() -> None:
     assert list(found) == ["components", "radius", "perception", "refinement"]
     assert sorted(name for rows in found.values() for name in rows) == sorted(VARIANTS)
     assert tables_of(["radius"]) == {"radius": ["radius-5", "radius-15", "radius-25"]}
+    assert tables_of([], ["full", "radius-5"]) == {"components": ["full"], "radius": ["radius-5"]}
+    with pytest.raises(UnknownName, match="no variant 'radius-6'"):
+        tables_of([], ["radius-6"])
     with pytest.raises(UnknownName, match="no table 'radios'"):
         tables_of(["radios"])
 
