@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lavsim.agent import AgentSpec, Readings, Track, plan_of
+from lavsim.agent import AgentShell, AgentSpec, Readings, plan_of
 from lavsim.agent_runner import InProcessAgent
 from lavsim.episode import EpisodeResult, run_episode
 from lavsim.render.scene import get_scene
@@ -58,27 +57,15 @@ class PlanDrive:
         return self.infraction is None
 
 
-class _Planned:
+class _Planned(AgentShell):
     """A route follower whose pedals a plan changes."""
 
     def __init__(self, agent: InProcessAgent, pedals: Pedals, simulation: Simulation) -> None:
-        self._agent, self._pedals, self._simulation = agent, pedals, simulation
-
-    @property
-    def track(self) -> Track:
-        return self._agent.track
-
-    def start(self, plan: Any, spacing: float | None = None) -> None:
-        self._agent.start(plan, spacing)
-
-    def sensors(self) -> list[dict[str, Any]]:
-        return self._agent.sensors()
+        super().__init__(agent)
+        self._pedals, self._simulation = pedals, simulation
 
     def step(self, readings: Readings, time: float) -> Control:
         return self._pedals.apply(self._agent.step(readings, time), self._simulation.snapshot)
-
-    def close(self) -> None:
-        self._agent.close()
 
 
 class _Referee:
