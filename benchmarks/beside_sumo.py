@@ -44,7 +44,7 @@ def ours(town_name: str, count: int, _folder: Path) -> Round:
     """Rounds of lavsim."""
     from flow import Drive
 
-    from lavsim.map.town_map import load_town
+    from lavsim.map.town_files import load_town
     from lavsim.traffic.profiles import Population
 
     logging.disable(logging.WARNING)

@@ -12,7 +12,7 @@ import os
 from dataclasses import replace
 
 from benchmarks.sensors import bodies_of, median_ms, snapshot_with, snapshots_in
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.random import Draws
 from lavsim.render.look import LOOKS
 from lavsim.render.scene import get_scene

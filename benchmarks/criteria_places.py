@@ -20,7 +20,8 @@ from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
 from lavsim.map.signal import Sign, TrafficLight
 from lavsim.map.stop_lines import StopLine
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.types import DT, ActorClass, ActorIds, LightState, Role
 from lavsim.world.snapshot import (
     CONTACT_DTYPE,

@@ -19,12 +19,13 @@ os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 
 import numpy as np
 
-from lavsim.map.town_map import TownMap, build_town, load_town, town_names
+from lavsim.map.town_files import build_town, load_town, town_names
+from lavsim.map.town_map import TownMap
 from lavsim.types import LaneType
 
 ROUNDS = 7
 QUERIES = 10_000
-SCRIPT = "import time\nfrom pathlib import Path\nfrom lavsim.map.town_map import load_town\nt=time.process_time()\n"
+SCRIPT = "import time\nfrom pathlib import Path\nfrom lavsim.map.town_files import load_town\nt=time.process_time()\n"
 
 
 def median(action: Callable[[], object]) -> float:

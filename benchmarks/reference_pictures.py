@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lavsim.geometry import box_corners, to_local
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.random import Draws
 from lavsim.render.birdseye import draw_route, draw_town
 from lavsim.render.canvas import Canvas, height_colours, write_text

@@ -24,7 +24,8 @@ from lavsim.executor import make_executor
 from lavsim.log.reader import LogReader
 from lavsim.log.writer import LogWriter
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.render.scene import get_scene
 from lavsim.scenarios.base import ScenarioSpec
 from lavsim.sensors.base import SensorSuite

@@ -20,7 +20,7 @@ import numpy as np
 from lavsim.errors import LavsimError
 from lavsim.geometry import forward
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.base import ScenarioSpec, make_scenario
 from lavsim.scenarios.director import TRIGGER_RADIUS, trigger_index
 from lavsim.scenarios.place import Site

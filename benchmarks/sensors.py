@@ -21,7 +21,8 @@ from copy import copy
 
 import numpy as np
 
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.render.frame import Mount
 from lavsim.render.scene import Scene, get_scene

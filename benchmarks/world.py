@@ -13,7 +13,8 @@ from statistics import median
 
 import numpy as np
 
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.traffic.parked import park_cars
 from lavsim.traffic.population import spawn_points

@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from lavsim.map.check import check_file
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.render.birdseye import draw_town
 from lavsim.render.canvas import write_png
 from leaderboard.route_maker import RouteWish, make_routes

@@ -17,7 +17,8 @@ import numpy as np
 
 from lavsim.dataset.pace import collect_pace, render_pace
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite, make_sensor
 from lavsim.sensors.suites import SUITES, with_look

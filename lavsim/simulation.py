@@ -17,7 +17,8 @@ from lavsim.map.planner import get_planner
 from lavsim.map.rise import pitch_on, rise_along
 from lavsim.map.route import RouteTracker
 from lavsim.map.scenery import SCENERY_VERSION
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.scenarios.base import ScenarioSpec
 from lavsim.scenarios.director import Director

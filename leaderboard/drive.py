@@ -16,7 +16,7 @@ from lavsim.errors import LavsimError
 from lavsim.isolation import ChildAgent
 from lavsim.log.drawings import SUFFIX, DrawingsWriter
 from lavsim.log.writer import LogWriter
-from lavsim.map.town_map import TOWN_PATH
+from lavsim.map.town_files import TOWN_PATH
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite
 from lavsim.sensors.suites import find_suite

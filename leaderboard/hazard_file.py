@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import islice
 
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town, town_names
+from lavsim.map.town_files import load_town, town_names
 from lavsim.scenarios.director import trigger_index
 from lavsim.scenarios.suggest import suggestion
 from lavsim.world.weather import WeatherKeyframe

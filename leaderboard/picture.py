@@ -12,7 +12,7 @@ import numpy as np
 from lavsim.errors import LogError
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.render.birdseye import draw_route, draw_town
 from lavsim.render.canvas import Canvas, write_png, write_text
 from lavsim.render.palette import INK_BGR, Bgr

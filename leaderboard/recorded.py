@@ -10,7 +10,8 @@ from lavsim.errors import LogError
 from lavsim.log.reader import LogReader
 from lavsim.log.replay import route_of
 from lavsim.map.route import Route
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 
 
 @dataclass(frozen=True)

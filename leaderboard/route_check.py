@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from lavsim.errors import LavsimError
 from lavsim.map.planner import RoutePlanner, get_planner
 from lavsim.map.route import Route
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.scenarios.base import ScenarioSpec, make_scenario
 from lavsim.scenarios.director import trigger_index
 from lavsim.scenarios.place import Site

@@ -22,7 +22,9 @@ import numpy as np
 
 from lavsim.errors import RouteError
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import TownMap, Waypoint, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
+from lavsim.map.waypoint import Waypoint
 from lavsim.random import Draws
 from lavsim.world.weather import Weather, WeatherKeyframe
 from leaderboard.hazard_maker import put_hazards

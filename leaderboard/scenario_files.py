@@ -19,7 +19,7 @@ import numpy as np
 from lavsim.errors import RouteError
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.base import ScenarioSpec
 from lavsim.types import RoadOption
 from leaderboard.routes import RouteEntry

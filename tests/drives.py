@@ -10,7 +10,7 @@ import numpy as np
 
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.base import ScenarioSpec
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control, LaneType

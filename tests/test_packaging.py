@@ -33,7 +33,7 @@ print(json.dumps(names))
 DATA = """
 import json
 import agents, lavsim, leaderboard, routes
-from lavsim.map.town_map import load_town, town_names
+from lavsim.map.town_files import load_town, town_names
 from leaderboard.routes import read_routes, route_files
 print(json.dumps({
     "from": [m.__file__ for m in (agents, lavsim, leaderboard, routes)],

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.sheets import moment, weather_sheets
 from lavsim.world.weather import Weather
 from lavsim.world.weather_presets import WEATHERS_LAV

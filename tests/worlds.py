@@ -9,7 +9,8 @@ import math
 from functools import cache
 
 from lavsim.map.records import Geometry, LaneRecord, Network, Polynomial, RoadMark, RoadRecord, SectionRecord
-from lavsim.map.town_map import TownMap, build_town
+from lavsim.map.town_files import build_town
+from lavsim.map.town_map import TownMap
 from lavsim.map.write import write_network
 from lavsim.towns.layout import Layout
 from lavsim.towns.section import CrossSection

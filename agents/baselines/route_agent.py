@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from agents.behavior.control import Controller
 from agents.behavior.path import PathTracker, ReferencePath, path_of_plan
 from agents.privileged import PrivilegedAgent
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.types import Control
 
 LEVEL = 3.0  # [m] above or below the ego somebody is on another road

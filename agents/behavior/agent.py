@@ -26,7 +26,8 @@ from agents.behavior.view import View, drawings_of
 from agents.behavior.way import Way
 from agents.privileged import PrivilegedAgent
 from lavsim.drawings import Drawing
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.types import Control, LightState, RoadOption, Role
 
 Floats = NDArray[np.float64]

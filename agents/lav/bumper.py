@@ -1,8 +1,8 @@
 """What the LiDAR has right before the bumper, whether anybody was found there or not: the last thing that brakes.
 
 Networks miss who stands close beside something bigger: a cyclist whom the ego has let cross, and who waits beside a
-truck, is gone for them, but not for the points. Right before the bumper these begin at 1.0 m above the ground, where the
-LiDAR's lowest ring is: who is lower there, as a bicycle's wheel, is seen by nobody.
+truck, is gone for them, but not for the points. Right before the bumper these begin 1.0 m above the ground, where the
+LiDAR's lowest ring is: what is lower there, as a bicycle's wheel, is seen by nobody.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from agents.lav.told import StopLines, told_vehicles, told_walkers
 from agents.privileged import PrivilegedAgent
 from lavsim.agent import Track
 from lavsim.config import read_config
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 
 Floats = NDArray[np.float64]
 Part = Literal["brake", "detections", "plan"]

@@ -26,7 +26,7 @@ from agents.privileged import PrivilegedAgent
 from lavsim.drawings import Drawing
 from lavsim.errors import ConfigError
 from lavsim.guidance import Guide
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.sensors.bev import BevConfig
 from lavsim.types import Control
 

@@ -27,7 +27,7 @@ def towns(
         if not check.is_file():
             raise OutputError(f"there is no file {str(check)!r} to check.")
         return print_findings(str(check), check_file(check), as_json)
-    from lavsim.map.town_map import load_town, town_names
+    from lavsim.map.town_files import load_town, town_names
     from lavsim.towns.facts import facts_of
     from lavsim.types import LaneType
 

@@ -102,7 +102,7 @@ def make_routes(
     town_path: TownPath = None,
 ) -> None:
     """Make random routes through a town, with hazards where they fit; walkers at the kerb if none are chosen."""
-    from lavsim.map.town_map import load_town
+    from lavsim.map.town_files import load_town
     from lavsim.random import Draws
     from lavsim.scenarios.user_files import use_folders
     from lavsim.traffic.profiles import TRAFFIC_PROFILES

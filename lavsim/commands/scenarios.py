@@ -195,7 +195,7 @@ def _types() -> list[dict[str, Any]]:
 
 
 def _places(town_name: str, kind: str, count: int, town_path: tuple[Path, ...]) -> list[dict[str, Any]]:
-    from lavsim.map.town_map import load_town
+    from lavsim.map.town_files import load_town
     from leaderboard.hazard_maker import find_type, stands
 
     town = load_town(town_name, town_path)

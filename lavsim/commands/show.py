@@ -60,7 +60,7 @@ def show(
         with Shares() as shares:
             pictures = show_log(Path(what), wish, search, shares.update)
     elif kind == "town":
-        from lavsim.map.town_map import load_town
+        from lavsim.map.town_files import load_town
         from lavsim.render.birdseye import draw_town
         from lavsim.render.canvas import write_png
 
@@ -94,7 +94,7 @@ def show(
 
 
 def _kind_of(what: str, search: tuple[Path, ...]) -> str:
-    from lavsim.map.town_map import town_names
+    from lavsim.map.town_files import town_names
     from leaderboard.routes import route_files
 
     if (Path(what) / "meta" / "info.json").is_file():

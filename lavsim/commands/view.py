@@ -87,7 +87,7 @@ def _entry(routes: str, route_id: str | None, town: str | None, seed: int, searc
         from leaderboard.routes import read_routes, select_routes
 
         return select_routes(read_routes(routes), route_id)[0]
-    from lavsim.map.town_map import load_town
+    from lavsim.map.town_files import load_town
     from leaderboard.route_maker import RouteWish, make_routes
 
     return make_routes(load_town(town, search), RouteWish(1, seed=seed))[0]
@@ -99,7 +99,7 @@ def _driver(agent: str | None, config: str | None, generation: str, out: Path, s
     from lavsim.agent import AgentSpec
     from lavsim.agent_source import find_agent
     from lavsim.live.drivers import AgentDriver, KeyboardDriver
-    from lavsim.map.town_map import TOWN_PATH
+    from lavsim.map.town_files import TOWN_PATH
 
     if agent is None:
         return KeyboardDriver()
@@ -127,7 +127,7 @@ def export_scene(
     from lavsim.export_scene import scene_meshes, write_glb
     from lavsim.log.reader import LogReader
     from lavsim.log.replay import town_of
-    from lavsim.map.town_map import load_town, town_names
+    from lavsim.map.town_files import load_town, town_names
 
     if out.suffix != ".glb":
         raise OutputError(f"a scene is written as *.glb, got {str(out)!r}.")

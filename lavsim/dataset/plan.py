@@ -24,7 +24,8 @@ from lavsim.dataset.schema import TICKS_PER_FRAME
 from lavsim.errors import ConfigError, LavsimError, RouteError, UnknownName
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
-from lavsim.map.town_map import TownMap, load_town, town_names
+from lavsim.map.town_files import load_town, town_names
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.simulation import DriveSpec
 from lavsim.towns.facts import bundled_facts

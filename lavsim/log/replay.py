@@ -21,7 +21,8 @@ from lavsim.log.reader import LogReader
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
 from lavsim.map.scenery import SCENERY_VERSION
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import Control

@@ -14,7 +14,8 @@ from lavsim.errors import MapError
 from lavsim.map.lane import CLEAR_HEIGHT, gaps, kinks
 from lavsim.map.opendrive import read_bytes
 from lavsim.map.signal import LIGHT_TYPES
-from lavsim.map.town_map import TownMap, build_town
+from lavsim.map.town_files import build_town
+from lavsim.map.town_map import TownMap
 from lavsim.types import LaneType
 
 WIDEST_GAP = 0.1  # [m] between linked lanes

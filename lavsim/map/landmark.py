@@ -14,7 +14,8 @@ from lavsim.types import LaneType
 
 if TYPE_CHECKING:
     from lavsim.map.section import RoadShape
-    from lavsim.map.town_map import TownMap, Waypoint
+    from lavsim.map.town_map import TownMap
+    from lavsim.map.waypoint import Waypoint
 
 ORIENTATIONS = {"+": "Positive", "-": "Negative"}
 MOST_STEPS = 10_000  # lanes looked at in one search

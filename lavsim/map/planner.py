@@ -31,8 +31,9 @@ from lavsim.errors import RouteError
 from lavsim.map.carla_order import followers_in_order, lanes_in_order, single_precision_points
 from lavsim.map.lane import CHANGE_LEFT, CHANGE_RIGHT
 from lavsim.map.route import Route, polyline_length
-from lavsim.map.town_map import TownMap, Waypoint
+from lavsim.map.town_map import TownMap
 from lavsim.map.turns import turn_decision
+from lavsim.map.waypoint import Waypoint
 from lavsim.types import LaneType, RoadOption
 
 Floats = NDArray[np.float64]

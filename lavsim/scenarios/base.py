@@ -22,7 +22,8 @@ from lavsim.world.world import Actor, World
 
 if TYPE_CHECKING:
     from lavsim.map.route import Route
-    from lavsim.map.town_map import TownMap, Waypoint
+    from lavsim.map.town_map import TownMap
+    from lavsim.map.waypoint import Waypoint
     from lavsim.scenarios.place import Site
 
 __all__ = ["GENERATIONS", "SCENARIOS", "Actor", "Scenario", "ScenarioSpec", "Script", "Stage", "make_scenario"]

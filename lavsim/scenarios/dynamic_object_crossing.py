@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lavsim.errors import ConfigError
 from lavsim.geometry import forward, right
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.place import Site, at_height, kerb
 from lavsim.types import Role

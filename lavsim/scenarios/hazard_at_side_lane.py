@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_positive

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lavsim.errors import ScenarioError
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.checks import check_direction, check_positive

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lavsim.geometry import forward, right, wrap_angle
 from lavsim.map.route import Route
-from lavsim.map.town_map import MOST_STEPS, TownMap, Waypoint
+from lavsim.map.town_map import TownMap
+from lavsim.map.waypoint import MOST_STEPS, Waypoint
 from lavsim.types import LaneType, RoadOption
 
 Floats = NDArray[np.float64]

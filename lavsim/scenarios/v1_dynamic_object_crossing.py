@@ -10,7 +10,7 @@ import numpy as np
 
 from lavsim.errors import ScenarioError
 from lavsim.geometry import right
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios import place
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import cross, wait

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.base import SCENARIOS, Scenario, Script, Stage
 from lavsim.scenarios.moves import wait
 from lavsim.scenarios.moves.cross import cross

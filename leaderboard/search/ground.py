@@ -14,7 +14,8 @@ import numpy as np
 from lavsim.errors import LavsimError, RouteError, ScenarioError
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.scenarios.base import ScenarioSpec, make_scenario
 from lavsim.scenarios.director import trigger_index
 from lavsim.scenarios.place import Site

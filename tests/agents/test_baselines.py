@@ -15,7 +15,7 @@ from lavsim.agent_runner import InProcessAgent
 from lavsim.agent_source import packaged_agents
 from lavsim.episode import run_episode
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite
 from lavsim.simulation import Simulation

@@ -20,7 +20,7 @@ from agents.behavior.path import STEP, PathTracker, ReferencePath, path_through
 from agents.behavior.road import StopPoint
 from agents.behavior.speed import following, speed_profile, stopping, time_to_cover
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.types import DT, ActorClass, LightState, RoadOption, Role
 from lavsim.world.dynamics import REAR_LENGTH, speed_after, steer_curvature
 

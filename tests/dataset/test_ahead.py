@@ -15,7 +15,8 @@ from lavsim.episode import EpisodeResult
 from lavsim.geometry import to_local, wrap_angle
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.render.scene import get_scene
 from lavsim.simulation import Simulation
 from lavsim.types import Control, LightState

@@ -13,7 +13,7 @@ from lavsim.dataset.hazards import AFTER_START, BEFORE_END, known_hazards, named
 from lavsim.dataset.plan import CollectPlan, named_towns
 from lavsim.errors import ConfigError, LavsimError, RouteError, UnknownName
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.suggest import fits_at
 from lavsim.world.weather_redrawn import RedrawnWeather
 

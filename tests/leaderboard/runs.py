@@ -12,7 +12,7 @@ import numpy as np
 
 from lavsim.log.writer import LogWriter
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from leaderboard.config import EvaluationConfig
 from leaderboard.criteria.base import Infraction
 from leaderboard.record import Results, write_run

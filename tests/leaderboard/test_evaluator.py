@@ -11,7 +11,7 @@ import pytest
 
 from lavsim.agent import AgentFailure, Track
 from lavsim.errors import AgentError, ConfigError, OutputError, RouteError, UnknownName
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.types import LaneType
 from leaderboard.evaluator import EvaluationConfig, Progress, evaluate
 from leaderboard.observer import CriteriaObserver

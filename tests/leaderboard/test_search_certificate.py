@@ -12,7 +12,7 @@ import pytest
 
 from lavsim.agent import plan_of
 from lavsim.errors import LavsimError, OutputError
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.base import ScenarioSpec
 from lavsim.types import ActorClass, Control, Role
 from leaderboard.route_writer import write_routes

@@ -10,7 +10,8 @@ import numpy as np
 
 from lavsim.errors import MapError
 from lavsim.map.check import check_town
-from lavsim.map.town_map import TownMap, build_town
+from lavsim.map.town_files import build_town
+from lavsim.map.town_map import TownMap
 from tests.map.shared import SHARED
 
 LARGEST = 250_000  # bytes; larger files are as well covered by small ones

@@ -8,7 +8,8 @@ import shapely
 
 from lavsim.map.footways import FootwayKind, Footways, get_footways
 from lavsim.map.lane import DRIVABLE
-from lavsim.map.town_map import TownMap, load_town, town_names
+from lavsim.map.town_files import load_town, town_names
+from lavsim.map.town_map import TownMap
 from lavsim.types import LaneType
 from tests import worlds
 from tests.map.shared import MAPS, needs_maps

@@ -9,7 +9,8 @@ import pytest
 
 from lavsim.errors import MapError
 from lavsim.map.opendrive import MAX_BYTES, read_file
-from lavsim.map.town_map import TownMap, build_town, load_town
+from lavsim.map.town_files import build_town, load_town
+from lavsim.map.town_map import TownMap
 from tests.map import fuzz
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -10,7 +10,7 @@ import pytest
 
 from lavsim.errors import MapError
 from lavsim.map.opendrive import read_file, read_network, reference_origin
-from lavsim.map.town_map import build_town
+from lavsim.map.town_files import build_town
 from lavsim.map.write import write_network
 from lavsim.towns.draw import TOWNS
 from lavsim.towns.layout import Layout

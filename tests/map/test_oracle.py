@@ -9,7 +9,9 @@ import pytest
 
 from lavsim.map.lane import gaps
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import TownMap, Waypoint, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
+from lavsim.map.waypoint import Waypoint
 from lavsim.types import LaneType
 from tests.map.shared import MAPS, SHARED, needs_maps, needs_oracle, oracle
 

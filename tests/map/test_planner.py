@@ -13,7 +13,7 @@ from hypothesis.strategies import DrawFn, composite, floats, integers, lists, tu
 from lavsim.errors import RouteError
 from lavsim.map.planner import RoutePlanner, get_planner, shortest_way
 from lavsim.map.route import Route, RouteTracker, polyline_length
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.types import LaneType, RoadOption
 from tests import worlds
 

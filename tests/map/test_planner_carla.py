@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from lavsim.map.planner import RoutePlanner
-from lavsim.map.town_map import TownMap, load_town, town_names
+from lavsim.map.town_files import load_town, town_names
+from lavsim.map.town_map import TownMap
 from tests.map.shared import MAPS
 
 HOP = 1.0

@@ -12,7 +12,9 @@ import pytest
 from lavsim.map.carla_order import table_order
 from lavsim.map.planner import RoutePlanner, TurnMemory
 from lavsim.map.route import polyline_length
-from lavsim.map.town_map import TownMap, Waypoint, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
+from lavsim.map.waypoint import Waypoint
 from lavsim.types import RoadOption
 from tests.map.shared import MAPS, needs_oracle, oracle
 

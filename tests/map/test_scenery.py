@@ -10,7 +10,8 @@ from lavsim.geometry import forward, right
 from lavsim.map.furniture import FAR
 from lavsim.map.roadside import lane_pieces
 from lavsim.map.scenery import build_scenery
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.towns.draw import TOWNS
 from lavsim.types import LaneType, Tag
 from tests import worlds

@@ -10,7 +10,8 @@ import pytest
 
 from lavsim.geometry import wrap_angle
 from lavsim.map.check import check_file
-from lavsim.map.town_map import TownMap, build_town, load_town
+from lavsim.map.town_files import build_town, load_town
+from lavsim.map.town_map import TownMap
 from lavsim.towns.draw import TOWNS
 from lavsim.types import LaneType
 from tests import worlds

@@ -12,7 +12,8 @@ from hypothesis.strategies import booleans, floats, integers
 from lavsim.errors import MapError, UnknownName
 from lavsim.geometry import right, wrap_angle
 from lavsim.map.lane import gaps, kinks
-from lavsim.map.town_map import TOWN_PATH, TownMap, build_town, load_town, town_names
+from lavsim.map.town_files import TOWN_PATH, build_town, load_town, town_names
+from lavsim.map.town_map import TownMap
 from lavsim.towns.draw import TOWNS
 from lavsim.types import LaneType, RoadOption
 from tests import worlds

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lavsim.map.town_map import TownMap, build_town
+from lavsim.map.town_files import build_town
+from lavsim.map.town_map import TownMap
 
 WIDTH = 3.5
 

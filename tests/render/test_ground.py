@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.render.ground import GroundRaster, Surface, ground_raster
 from lavsim.types import LaneType
 

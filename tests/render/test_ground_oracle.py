@@ -10,7 +10,8 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.render.ground import DASH, GAP, RESOLUTION, THINNEST, Surface, ground_raster
 from lavsim.render.scene import Scene
 from lavsim.render.sheet import CAMERAS

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lavsim.map.prisms import Prisms
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.render.beams import GROUND_HIT
 from lavsim.render.faces import DECK_FACE, UNDERSIDE

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from lavsim.map.lane import DRIVABLE
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.random import Draws
 from lavsim.render.kerbs import HEIGHT, WIDTH, kerb_quads
 from lavsim.render.scene import Scene

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lavsim.map.prisms import Prisms
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.render.lamps import lamp_light, light_at, street_lamps, with_headlights
 from lavsim.render.sheet import CAMERAS
 from lavsim.render.solids import solids_of

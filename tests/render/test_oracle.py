@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from lavsim.map.town_map import TownMap, load_town, town_names
+from lavsim.map.town_files import load_town, town_names
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.render.camera_view import CameraView
 from lavsim.render.frame import Mount, Pose

@@ -64,7 +64,7 @@ def test_each_mistake_is_said_in_words(tmp_path: Path, changes: dict[str, object
 
 
 def test_a_key_point_in_the_opposite_lane_is_suspected(tmp_path: Path) -> None:
-    from lavsim.map.town_map import load_town
+    from lavsim.map.town_files import load_town
 
     town = load_town("eu_small_a")
     here = town.waypoint((100.0, 8.0))
@@ -75,7 +75,7 @@ def test_a_key_point_in_the_opposite_lane_is_suspected(tmp_path: Path) -> None:
 
 
 def test_a_key_point_behind_the_one_before_is_named(tmp_path: Path) -> None:
-    from lavsim.map.town_map import load_town
+    from lavsim.map.town_files import load_town
 
     start = load_town("eu_small_a").waypoint(A)
     ahead, between = start.ahead(40.0), start.ahead(20.0)
@@ -84,7 +84,7 @@ def test_a_key_point_behind_the_one_before_is_named(tmp_path: Path) -> None:
 
 
 def test_a_key_point_inside_a_junction_is_named(tmp_path: Path) -> None:
-    from lavsim.map.town_map import load_town
+    from lavsim.map.town_files import load_town
 
     town = load_town("eu_small_a")
     lane = next(k for k in town.lanes.where(2).tolist() if town.lanes.junction[k] >= 0)

@@ -11,7 +11,7 @@ import pytest
 
 from lavsim.map.planner import get_planner
 from lavsim.map.route import Route
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.base import make_scenario
 from lavsim.scenarios.director import trigger_index
 from lavsim.scenarios.place import Site

@@ -9,7 +9,7 @@ import pytest
 
 from lavsim.errors import ConfigError, RouteError
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.random import Draws
 from lavsim.types import LaneType
 from leaderboard.route_check import check_entry

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.simulation import DriveSpec, Simulation
 from lavsim.types import ActorIds, Control, Role
 from lavsim.world.snapshot import Snapshot

@@ -8,7 +8,7 @@ import pytest
 
 from lavsim.errors import ScenarioError
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.base import SCENARIOS, Scenario, ScenarioSpec, Script, Stage
 from lavsim.scenarios.moves.wait import seconds
 from lavsim.scenarios.parameters import Interval, Location, OtherActor, parse_parameters

@@ -9,7 +9,7 @@ import pytest
 from lavsim.cli import main
 from lavsim.errors import LavsimError
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.skeleton import skeleton
 from leaderboard.hazard_file import TRAFFIC, hazard_routes
 from leaderboard.hazard_maker import hazard_types

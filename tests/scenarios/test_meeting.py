@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.base import Scenario, Script, Stage
 from lavsim.scenarios.moves import flow
 from lavsim.scenarios.moves.flow import ActorFlow

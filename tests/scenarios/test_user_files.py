@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from lavsim.cli import app
 from lavsim.errors import OutputError, ScenarioError
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.base import SCENARIOS
 from lavsim.scenarios.skeleton import skeleton, write_skeleton
 from lavsim.scenarios.user_files import SCENARIO_PATH, use_folders

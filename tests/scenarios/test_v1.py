@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lavsim.errors import RouteError
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.scenarios.place import Site
 from lavsim.simulation import Simulation
 from lavsim.types import Control, LightState

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.random import Draws
 from lavsim.render.scene import Scene
 from lavsim.sensors.base import SENSORS, make_sensor

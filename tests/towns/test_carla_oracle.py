@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import lavsim.towns
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.towns.draw import TOWNS
 from lavsim.types import LaneType
 

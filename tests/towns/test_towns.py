@@ -15,7 +15,8 @@ import lavsim.towns
 from lavsim.geometry import wrap_angle
 from lavsim.map.lane import CHANGE_LEFT, CHANGE_RIGHT, DRIVABLE, gaps, kinks
 from lavsim.map.signal import LIGHT_TYPES
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.map.write import write_network
 from lavsim.towns.draw import TOWNS
 from lavsim.types import LaneType, RoadOption

@@ -21,7 +21,8 @@ from lavsim.map.records import (
     SectionRecord,
     SpeedRecord,
 )
-from lavsim.map.town_map import TownMap, build_town
+from lavsim.map.town_files import build_town
+from lavsim.map.town_map import TownMap
 from lavsim.map.write import write_network
 from lavsim.random import Draws
 from lavsim.traffic.population import Traffic

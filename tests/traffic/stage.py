@@ -6,7 +6,8 @@ from functools import cache
 
 import numpy as np
 
-from lavsim.map.town_map import TownMap, build_town
+from lavsim.map.town_files import build_town
+from lavsim.map.town_map import TownMap
 from lavsim.map.write import write_network
 from lavsim.random import Draws
 from lavsim.towns.layout import Layout

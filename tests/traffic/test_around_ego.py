@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.random import Draws
 from lavsim.traffic.around_ego import LEFT_BEHIND, left_behind, places_around
 from lavsim.traffic.drivers import MIN_GAP

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lavsim.map.town_map import TownMap, build_town
+from lavsim.map.town_files import build_town
+from lavsim.map.town_map import TownMap
 from lavsim.map.write import write_network
 from lavsim.towns.layout import Layout
 from lavsim.traffic.audit import TrafficAudit, TrafficReport

@@ -7,7 +7,8 @@ import pytest
 import shapely
 
 from lavsim.geometry import box_corners
-from lavsim.map.town_map import TownMap, build_town, load_town
+from lavsim.map.town_files import build_town, load_town
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.traffic.parked import BAY_LENGTH, park_cars, parking_bays
 from lavsim.types import ActorIds, LaneType, Role

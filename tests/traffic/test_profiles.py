@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from lavsim.errors import ConfigError, UnknownName
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.towns.facts import facts_of
 from lavsim.traffic.profiles import LEADERBOARD_VEHICLES, population_of
 from tests.drives import TOWN, straight_drive

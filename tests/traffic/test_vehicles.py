@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from lavsim.map.town_map import TownMap, load_town, town_names
+from lavsim.map.town_files import load_town, town_names
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.traffic.drivers import Driver, draw_driver
 from lavsim.traffic.following import idm_acceleration

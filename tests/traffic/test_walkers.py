@@ -8,7 +8,8 @@ import shapely
 from numpy.typing import NDArray
 
 from lavsim.map.footways import FootwayKind, get_footways
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.traffic.population import Traffic
 from lavsim.traffic.walkers import Walkers

@@ -8,7 +8,8 @@ from functools import cache
 import numpy as np
 
 from lavsim.map.route import Route
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.types import ActorClass, LightState, Role, VehicleLight
 from lavsim.viewer.tracks import Tracks, read_tracks
 from lavsim.world.snapshot import CONTACT_DTYPE, HAZARD_DTYPE, Snapshot

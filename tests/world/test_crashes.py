@@ -215,7 +215,7 @@ def test_walls_stop_only_what_is_at_their_height(z: float, wall: tuple[float, fl
 
 def test_the_towns_scenery_stops_a_car_that_leaves_the_road() -> None:
     """Static layout: what scenery calls solid. Driven straight on from any lane, a car ends at something."""
-    from lavsim.map.town_map import load_town
+    from lavsim.map.town_files import load_town
 
     town = load_town("us_large_a")
     prisms = town.scenery.prisms

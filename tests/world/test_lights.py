@@ -5,7 +5,7 @@ import pytest
 
 from lavsim.errors import ConfigError
 from lavsim.map.signal import LightGroup
-from lavsim.map.town_map import load_town
+from lavsim.map.town_files import load_town
 from lavsim.types import DT, LightState
 from lavsim.world.lights import LightCycle, TrafficLights
 

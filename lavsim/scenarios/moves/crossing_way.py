@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.geometry import forward, right
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.moves.roadside import sign_of
 from lavsim.scenarios.place import aside, kerb
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.map.town_map import TownMap, Waypoint
+from lavsim.map.town_map import TownMap
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.place import Site, join
 from lavsim.types import LaneType, RoadOption
 

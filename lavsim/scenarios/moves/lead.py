@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.base import Scenario, Stage
 from lavsim.scenarios.moves.follow import LaneFollower
 from lavsim.scenarios.place import aside, line_ahead

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.base import Scenario, Script, Stage
 from lavsim.scenarios.moves.checks import check_direction, check_positive
 from lavsim.scenarios.moves.passing import no_gap, no_place, no_room, oncoming_traffic, passage, slowed_traffic

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from lavsim.map.town_map import MOST_STEPS, Waypoint
+from lavsim.map.waypoint import MOST_STEPS, Waypoint
 from lavsim.scenarios.place import Site, beside, line_ahead
 from lavsim.types import LaneType
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lavsim.map.planner import get_planner
-from lavsim.map.town_map import Waypoint
+from lavsim.map.waypoint import Waypoint
 from lavsim.scenarios.parameters import Location
 from lavsim.scenarios.place import Site, beside, join, line_ahead, line_behind, oncoming, outermost
 

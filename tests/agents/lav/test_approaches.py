@@ -15,7 +15,8 @@ from agents.lav.data.staged import StagedFrames, write_episode
 from lavsim.dataset.reader import Dataset
 from lavsim.dataset.schema import DatasetInfo, RecordConfig
 from lavsim.errors import ConfigError, DatasetError
-from lavsim.map.town_map import TownMap, load_town
+from lavsim.map.town_files import load_town
+from lavsim.map.town_map import TownMap
 from lavsim.random import Draws
 from lavsim.types import LightState
 from lavsim.world.snapshot import Snapshot
