@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 from lxml import etree
 
 from lavsim.errors import MapError
+from lavsim.map.elements import MAX_RECORDS, Elements, plain_number
 from lavsim.map.records import (
     MAX_COORDINATE,
     SPEED_UNITS,
@@ -41,12 +41,6 @@ from lavsim.map.records import (
 
 MAX_CURVATURE = 10.0  # [1/m]
 MAX_BYTES = 64_000_000  # of a file; Town04 has 3.4 million
-MAX_LANES = 20_000  # lane pieces of a file; Town04 has 924
-MAX_LANE_SUMS = 500_000  # squares of the number of lanes, over all sections
-MAX_CURVES = 10_000  # spirals and cubics of a file
-MAX_THINGS = 50_000  # signals, references and objects of a file
-MAX_RECORDS = 1_000_000  # polynomials and marks of a file
-UNKNOWN_ID = 2**30  # numbers from here on stand for names of things that the file lacks
 
 
 def read_file(path: Path) -> Network:
@@ -90,24 +84,11 @@ _KNOWN_CHILDREN = {
     "lateralProfile": {"superelevation", "crossfall", "shape"},
     "junction": {"connection", "controller"},
 }
-_QUIET = {"userData", "dataQuality"}  # notes of drawing tools, which mean nothing to others
 _SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
 
-class _Reader:
-    """Walks the tree and says where a mistake is."""
-
-    def __init__(self, source: str) -> None:
-        self.source = source
-        self.skipped: Counter[str] = Counter()
-        self.repairs: list[str] = []
-        self.numbers: dict[str, dict[str, int]] = {}
-        self.budget = {"lanes": MAX_LANES, "lane sums": MAX_LANE_SUMS, "things": MAX_THINGS, "records": MAX_RECORDS}
-        self.budget["curves"] = MAX_CURVES
-
-    def fail(self, element: etree._Element | None, message: str) -> MapError:
-        line = f", line {element.sourceline}" if element is not None and element.sourceline else ""
-        return MapError(f"{self.source}{line}: {message}.")
+class _Reader(Elements):
+    """Walks the tree."""
 
     def network(self, data: bytes | str) -> Network:
         raw = data.encode(errors="replace") if isinstance(data, str) else data
@@ -128,20 +109,20 @@ class _Reader:
             raise self.fail(root, f"expected the root element OpenDRIVE, got {str(root.tag)[:60]!r}")
         if len(root) > MAX_RECORDS:
             raise self.fail(root, f"<OpenDRIVE> holds {len(root)} elements; that is no town")
-        self._number_ids(root)
+        self.number_ids(root)
         header = root.find("header")
         reference = header.findtext("geoReference") if header is not None else None
         roads = tuple(self.road(e) for e in root.iterfind("road"))
         if not roads:
             raise self.fail(root, "the file has no road")
-        self._unique(root, "road", [r.id for r in roads])
+        self.unique(root, "road", [r.id for r in roads])
         junctions = tuple(self.junction(e) for e in root.iterfind("junction") if e.get("type") != "virtual")
         virtual = sum(e.get("type") == "virtual" for e in root.iterfind("junction"))
         if virtual:
             self.skipped["virtual <junction>"] += virtual
-        self._unique(root, "junction", [j.id for j in junctions])
+        self.unique(root, "junction", [j.id for j in junctions])
         controllers = tuple(self.controller(e) for e in root.iterfind("controller"))
-        self._skip(root, _KNOWN_CHILDREN["OpenDRIVE"])
+        self.skip(root, _KNOWN_CHILDREN["OpenDRIVE"])
         return Network(
             roads,
             junctions,
@@ -151,103 +132,6 @@ class _Reader:
             notes=tuple(f"{count} x {what} not read" for what, count in sorted(self.skipped.items())),
             repairs=tuple(self.repairs),
         )
-
-    def _number_ids(self, root: etree._Element) -> None:
-        """Gives every id that is no whole number one of its own, past those of its kind that are numbers."""
-        for kind, path in (("road", "road"), ("junction", "junction"), ("signal", "road/signals/signal"),
-                           ("controller", "controller")):  # fmt: skip
-            texts = [e.get("id") or "" for e in root.iterfind(path)]
-            if kind == "signal":
-                texts += [e.get("id") or "" for e in root.iterfind("road/signals/signalReference")]
-            numbers = {text: _plain_number(text, 0 if kind == "junction" else -(2**31)) for text in texts}
-            following = max([n for n in numbers.values() if n is not None], default=0) + 1
-            named = [text for text, number in numbers.items() if number is None and text]
-            for text in named:
-                numbers[text] = following
-                following += 1
-            self.numbers[kind] = {text: number for text, number in numbers.items() if number is not None}
-            if named:
-                listed = ", ".join(f"{text[:40]!r} is {numbers[text]}" for text in named[:12])
-                more = f" and {len(named) - 12} more" if len(named) > 12 else ""
-                self.repairs.append(f"{kind} ids that are no whole numbers were numbered: {listed}{more}")
-
-    def id(self, element: etree._Element, name: str, kind: str) -> int:
-        """The number of the `kind` that an attribute names."""
-        text = element.get(name)
-        if text is None or text == "":
-            raise self.fail(element, f"<{element.tag}> lacks {name!r}")
-        number = self.numbers[kind].get(text)
-        if number is None:
-            number = _plain_number(text, -(2**31))
-        if number is None:  # names something that the file does not have
-            number = self.numbers[kind][text] = UNKNOWN_ID + len(self.numbers[kind])
-        return number
-
-    def spend(self, element: etree._Element, what: str, count: int = 1) -> None:
-        """Counts against a bound on the size of maps."""
-        self.budget[what] -= count
-        if self.budget[what] < 0:
-            words = {
-                "lanes": f"more than {MAX_LANES} lane pieces",
-                "lane sums": "too many sections with too many lanes each",
-                "curves": f"more than {MAX_CURVES} spirals and cubics",
-                "things": f"more than {MAX_THINGS} signals and objects",
-                "records": f"more than {MAX_RECORDS} widths, marks and profiles",
-            }
-            raise self.fail(element, f"{words[what]}; that is no town")
-
-    def _unique(self, root: etree._Element, kind: str, ids: list[int]) -> None:
-        twice = [i for i, count in Counter(ids).items() if count > 1]
-        if twice:
-            raise self.fail(root, f"{kind} id {twice[0]} is used {Counter(ids)[twice[0]]} times")
-
-    def _skip(self, element: etree._Element, known: set[str]) -> None:
-        if len(element) > MAX_RECORDS:
-            raise self.fail(element, f"<{element.tag}> holds {len(element)} elements; that is no town")
-        for child in element:
-            if isinstance(child.tag, str) and child.tag not in known and child.tag not in _QUIET:
-                self.skipped[f"<{child.tag[:60]}> in <{element.tag}>"] += 1
-
-    def number(self, element: etree._Element, name: str, default: float | None = None) -> float:
-        text = element.get(name)
-        if text is None or text == "":
-            if default is None:
-                raise self.fail(element, f"<{element.tag}> lacks {name!r}")
-            return default
-        try:
-            value = float(text)
-        except ValueError:
-            raise self.fail(element, f"<{element.tag}> {name} must be a number, got {text[:40]!r}") from None
-        if not math.isfinite(value) or abs(value) > 1e9:
-            raise self.fail(element, f"<{element.tag}> {name} must be a finite number, got {text[:40]!r}")
-        return value
-
-    def whole(self, element: etree._Element, name: str, default: int | None = None) -> int:
-        text = element.get(name)
-        if text is None:
-            if default is None:
-                raise self.fail(element, f"<{element.tag}> lacks {name!r}")
-            return default
-        try:
-            value = int(text)
-        except ValueError:
-            raise self.fail(element, f"<{element.tag}> {name} must be a whole number, got {text[:40]!r}") from None
-        if abs(value) >= 2**31:
-            raise self.fail(element, f"<{element.tag}> {name} is out of range: {text[:40]}")
-        return value
-
-    def polynomial(self, element: etree._Element, key: str = "s") -> Polynomial:
-        self.spend(element, "records")
-        return Polynomial(
-            self.number(element, key),
-            self.number(element, "a"),
-            self.number(element, "b", 0.0),
-            self.number(element, "c", 0.0),
-            self.number(element, "d", 0.0),
-        )
-
-    def polynomials(self, elements: Iterator[etree._Element], key: str = "s") -> tuple[Polynomial, ...]:
-        return tuple(sorted((self.polynomial(e, key) for e in elements), key=lambda r: r.s))
 
     def road(self, element: etree._Element) -> RoadRecord:
         length = self.number(element, "length")
@@ -266,14 +150,14 @@ class _Reader:
         if any(b.s < a.s for a, b in pairwise(geometry)):
             raise self.fail(plan, f"road {element.get('id')}: geometries must come in order of s")
         link, objects, signals = element.find("link"), element.find("objects"), element.find("signals")
-        self._skip(element, _KNOWN_CHILDREN["road"])
+        self.skip(element, _KNOWN_CHILDREN["road"])
         lateral = element.find("lateralProfile")
         if lateral is not None:
-            self._skip(lateral, _KNOWN_CHILDREN["lateralProfile"])
+            self.skip(lateral, _KNOWN_CHILDREN["lateralProfile"])
         if objects is not None:
-            self._skip(objects, {"object"})
+            self.skip(objects, {"object"})
         if signals is not None:
-            self._skip(signals, {"signal", "signalReference"})
+            self.skip(signals, {"signal", "signalReference"})
         return RoadRecord(
             id=self.id(element, "id", "road"),
             length=length,
@@ -399,7 +283,7 @@ class _Reader:
         link = element.find("link")
         before = link.find("predecessor") if link is not None else None
         behind = link.find("successor") if link is not None else None
-        self._skip(element, _KNOWN_CHILDREN["lane"])
+        self.skip(element, _KNOWN_CHILDREN["lane"])
         marks = tuple(
             RoadMark(
                 self.number(e, "sOffset", 0.0),
@@ -434,7 +318,7 @@ class _Reader:
 
     def signal(self, element: etree._Element) -> SignalRecord:
         self.spend(element, "things")
-        self._skip(element, {"validity"})
+        self.skip(element, {"validity"})
         return SignalRecord(
             id=self.id(element, "id", "signal"),
             name=element.get("name") or "",
@@ -469,7 +353,7 @@ class _Reader:
 
     def object(self, element: etree._Element) -> ObjectRecord:
         self.spend(element, "things")
-        self._skip(element, {"outline", "outlines", "repeat", "parkingSpace", "validity", "material"})
+        self.skip(element, {"outline", "outlines", "repeat", "parkingSpace", "validity", "material"})
         outline = element.find("outline")
         if outline is None:
             outline = element.find("outlines/outline")
@@ -477,7 +361,7 @@ class _Reader:
         on_road = outline.iterfind("cornerRoad") if outline is not None else ()
         kind = element.get("type") or ""
         text = element.get("id") or ""
-        number = _plain_number(text, -(2**31))
+        number = plain_number(text, -(2**31))
         return ObjectRecord(
             id=-1 if number is None else number,
             name=element.get("name") or "",
@@ -509,7 +393,7 @@ class _Reader:
         kind = element.get("type") or "default"
         if kind not in ("default", "direct"):
             raise self.fail(element, f"junction type must be default, direct or virtual, got {kind[:40]!r}")
-        self._skip(element, _KNOWN_CHILDREN["junction"])
+        self.skip(element, _KNOWN_CHILDREN["junction"])
         road = "connectingRoad" if kind == "default" else "linkedRoad"
         connections: list[ConnectionRecord] = []
         name = self.id(element, "id", "junction")
@@ -522,7 +406,7 @@ class _Reader:
             links = tuple((self.whole(k, "from"), self.whole(k, "to")) for k in e.iterfind("laneLink"))
             connections.append(
                 ConnectionRecord(
-                    len(connections) if _plain_number(e.get("id") or "", 0) is None else self.whole(e, "id"),
+                    len(connections) if plain_number(e.get("id") or "", 0) is None else self.whole(e, "id"),
                     self.id(e, "incomingRoad", "road"),
                     self.id(e, road, "road"),
                     contact if contact in ("start", "end") else "",
@@ -536,15 +420,6 @@ class _Reader:
         ids = [self.id(e, "signalId", "signal") for e in element.iterfind("control")]
         number = self.id(element, "id", "controller")
         return ControllerRecord(number, tuple(dict.fromkeys(ids)), element.get("name") or "")
-
-
-def _plain_number(text: str, least: int) -> int | None:
-    """The whole number in `text`, if it is one from `least` on that fits 32 bits."""
-    try:
-        value = int(text)
-    except ValueError:
-        return None
-    return value if least <= value < 2**31 else None
 
 
 def reference_origin(geo_reference: str) -> tuple[float, float]:
