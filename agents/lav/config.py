@@ -130,10 +130,9 @@ class MotionConfig(Config):
 
 
 class TemporalConfig(Config):
-    """The paper's leaderboard entry: several scans and a filter."""
+    """Scans that are stacked."""
 
     scans: int = Field(default=1, ge=1, description="Scans a quarter of a second apart; 3 in the leaderboard entry.")
-    filter: bool = Field(default=False, description="Whether an extended Kalman filter places the ego.")
 
 
 class PidConfig(Config):

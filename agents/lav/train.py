@@ -21,8 +21,8 @@ from agents.lav.records import MEASURES, Pace
 from agents.lav.stages.base import STAGES, Stage, StageInput, TrainConfig
 from agents.lav.training import train_stage
 from agents.lav.variants import find_variant
-from agents.lav.weights import digest_of_file, read_weights, write_elsewhere
-from lavsim.config import Config, parse_config, read_config, resolved
+from agents.lav.weights import digest_of_file, read_weights, stored_config, write_elsewhere
+from lavsim.config import Config, read_config, resolved
 from lavsim.dataset.reader import Dataset
 from lavsim.errors import ConfigError, LavsimError, OutputError
 
@@ -343,7 +343,7 @@ def _differing(folder: Path, name: str, config: LavConfig) -> str | None:
     if STAGES[name].is_trained:
         other = read_weights(_weights(folder, name)).config
     else:
-        other = parse_config(LavConfig, json.loads((folder / DONE).read_text())["config"])
+        other = stored_config(json.loads((folder / DONE).read_text())["config"])
     return next((size for size in STAGES[name].sizes if attrgetter(size)(other) != attrgetter(size)(config)), None)
 
 

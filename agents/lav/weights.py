@@ -79,10 +79,20 @@ def read_weights(path: Path) -> Weights:
                     f"{path.name} has weights of format {notes.get('schema')}; this version reads {WEIGHTS_SCHEMA}."
                 )
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
-            config = parse_config(LavConfig, json.loads(notes["config"]))
+            config = stored_config(json.loads(notes["config"]))
             return Weights(notes["stage"], config, tensors, json.loads(notes["lineage"]))
     except (SafetensorError, KeyError, ValueError) as error:
         raise ConfigError(f"{path.name} can't be read as weights: {error}.") from None
+
+
+def stored_config(stored: dict[str, Any]) -> LavConfig:
+    """The sizes that a file says it was made with.
+
+    Raises:
+        ConfigError: one is unknown or does not fit.
+    """
+    stored.get("temporal", {}).pop("filter", None)  # until 0.1 among the sizes, and read by nobody
+    return parse_config(LavConfig, stored)
 
 
 def stage_file(folder: Path, stage: str) -> Path:
