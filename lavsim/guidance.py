@@ -41,7 +41,8 @@ class Guide:
     as reached too: noise of half a metre can carry an ego past the 3 m, and all commands behind it would be lost.
 
     The goal begins at the first node and moves on by one a tick, when it is nearer than 20 m and the next one nearer
-    than 75 m.
+    than 75 m. Unlike LAV's it moves on, too, when it is that near and lies behind: nodes of 2.x's plans are up to 200 m
+    apart, and a goal that is never nearer than 75 m would leave the ego with one behind it.
 
     Source: LAV's `Waypointer` and `RoutePlanner` (reference `lav.md` 6.1).
 
@@ -69,8 +70,10 @@ class Guide:
         if following > self._current and self._is_reached(following, offset[following], float(distance[following])):
             self._current, self._command = following, self._commands[following]
         goal = self._goal
-        if goal < last and distance[goal] < GOAL_REACHED and distance[goal + 1] < GOAL_FARTHEST:
-            self._goal = goal + 1
+        if goal < last and distance[goal] < GOAL_REACHED:
+            is_passed = float(offset[goal] @ self._ahead[goal]) < 0.0
+            if is_passed or distance[goal + 1] < GOAL_FARTHEST:
+                self._goal = goal + 1
 
     def now(self, compass: float) -> Guidance:
         """What holds at the tick of the last update; `compass` [rad], 0 north, clockwise."""

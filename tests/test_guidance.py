@@ -55,6 +55,15 @@ def test_the_goal_moves_on_when_near_unless_the_next_is_too_far() -> None:
     assert seen == [1, 1, 2, 2, 2]
 
 
+def test_a_goal_that_lies_behind_is_no_goal_however_far_the_next_is() -> None:
+    guide = Guide(gps((0, 0), (200, 0), (400, 0)), [FOLLOW] * 3)
+    seen = []
+    for x in (0.0, 1.0, 150.0, 190.0, 199.0, 201.0, 210.0):
+        guide.update(gps((x, 0))[0])
+        seen.append(guide.now(EAST).node)
+    assert seen == [0, 1, 1, 1, 1, 2, 2]
+
+
 @pytest.mark.parametrize(("compass", "goal"), [(NORTH, (40.0, 30.0)), (EAST, (30.0, -40.0)), (math.pi, (-40.0, -30.0))])
 def test_goals_are_told_ahead_and_to_the_right(compass: float, goal: tuple[float, float]) -> None:
     guide = Guide(gps((0, 0), (30, -40), (30, -80)), [FOLLOW] * 3)

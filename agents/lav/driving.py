@@ -41,6 +41,8 @@ HALF_SIZE = (2.45, 1.0)  # [m] half length and half width of the ego
 WALKER_REACH, STANDING_REACH = 0.7, 0.5  # [m] kept free around a walker, and around one who stands
 _WALKS = 0.3  # [m/s]
 _RIDER = 1.3  # [m] half length; of two-wheelers no learned forecast is any good
+_FARTHEST_GOAL, _NODES_APART = 80.0, 50.0  # [m] no goal of 1.0's plans is farther; what lies between its nodes
+_WIDEST = 1.2  # [rad] beside the heading, where a far goal is taken to be at most
 _CHANGE = 4  # commands from here on change lanes
 
 
@@ -79,8 +81,25 @@ def guide_of(plan: Sequence[tuple[Mapping[str, float], Any]]) -> Guide:
 
 
 def goals_of(guidance: Guidance) -> Floats:
-    """(2, 2) the next two goal points in the planner frame [m]."""
+    """(2, 2) the next two goal points in the planner frame [m].
+
+    Networks have seen goals up to 75 m away, those of 1.0's plans. A farther one, of a plan of 2.x, is replaced by two
+    on the arc that leads there, as if the road bent evenly.
+    """
+    if np.hypot(*guidance.goal) > _FARTHEST_GOAL:
+        return planner_from_vehicle(_on_the_arc(guidance.goal.astype(np.float64)))
     return planner_from_vehicle(np.stack([guidance.goal, guidance.next_goal]))
+
+
+def _on_the_arc(goal: Floats) -> Floats:
+    """(2, 2) points `_NODES_APART` and twice that along the arc from the ego, straight ahead at first, to a goal."""
+    chord = float(np.hypot(*goal))
+    bearing = float(np.clip(np.arctan2(goal[1], goal[0]), -_WIDEST, _WIDEST))
+    arc = chord / np.sinc(bearing / np.pi)
+    way = np.minimum(np.array([1.0, 2.0]) * _NODES_APART, arc)
+    angle = bearing * way / arc
+    reach = way * np.sinc(angle / np.pi)
+    return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
 
 
 def outlook_of(motions: Motions, poses: Tensor, command: int, config: DriveConfig) -> Outlook:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,8 @@ torch = pytest.importorskip("torch", reason="LAV needs torch: pip install 'lavsi
 from agents.lav.agent import LavAgent
 from agents.lav.config import DriveConfig, LavConfig, find_preset
 from agents.lav.controller import BrakeHold
-from agents.lav.driving import Driver, Forecasts, Outlook, straight_forecasts, vehicle_forecasts
-from agents.lav.frames import planner_from_world
+from agents.lav.driving import Driver, Forecasts, Outlook, goals_of, straight_forecasts, vehicle_forecasts
+from agents.lav.frames import planner_from_vehicle, planner_from_world
 from agents.lav.leaders import leader_paths, same_way
 from agents.lav.localise import Pose
 from agents.lav.look import carried_forecasts, carried_points, carried_sight
@@ -31,10 +32,11 @@ from lavsim.agent_runner import InProcessAgent
 from lavsim.agent_source import load_agent_class
 from lavsim.drawings import checked_all
 from lavsim.errors import ConfigError
+from lavsim.guidance import Guidance
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite
 from lavsim.simulation import Simulation
-from lavsim.types import Control
+from lavsim.types import Control, RoadOption
 from tests.drives import straight_drive
 
 MICRO = find_preset("micro")
@@ -229,6 +231,19 @@ def test_what_moves_like_somebody_is_somebody_even_in_doubt(tmp_path: Path) -> N
     assert found.vehicles[:, :2].tolist() == [pytest.approx(sure)], "nor who is behind"
     assert found.walkers.tolist() == [pytest.approx(crossing), pytest.approx([2.0, -5.0])]
     assert found.walking[0] == pytest.approx([4.0, 0.0], abs=0.5)
+
+
+def test_far_goals_are_brought_near_along_the_arc() -> None:
+    def goals(ahead: float, right: float) -> Any:
+        here, then = np.array([ahead, right], np.float32), np.array([ahead + 9.0, right], np.float32)
+        return goals_of(Guidance(RoadOption.LANEFOLLOW, here, then, 0))
+
+    assert goals(60.0, 40.0) == pytest.approx(planner_from_vehicle(np.array([[60.0, 40.0], [69.0, 40.0]]))), "near"
+    assert goals(200.0, 0.0) == pytest.approx(planner_from_vehicle(np.array([[50.0, 0.0], [100.0, 0.0]])))
+    radius, far = 120.0, 1.4  # [m], [rad] of the bend
+    on_arc = [[radius * math.sin(a), radius * (1.0 - math.cos(a))] for a in (50.0 / radius, 100.0 / radius)]
+    found = goals(radius * math.sin(far), radius * (1.0 - math.cos(far)))
+    assert found == pytest.approx(planner_from_vehicle(np.array(on_arc)), abs=1e-3)
 
 
 def test_weights_that_ship_fit_each_other() -> None:
