@@ -131,6 +131,7 @@ class Scenario(ABC):
     def __init__(self, config: Any) -> None:
         self.config = config
         self._actors: list[Actor] = []
+        self._withdrawn = 0  # actors of attempts to place it that failed
 
     @abstractmethod
     def fits(self, site: Site) -> str | None:
@@ -167,7 +168,7 @@ class Scenario(ABC):
         Raises:
             ScenarioError: another actor stands there.
         """
-        actor_id = ActorIds.of_scenario(stage.instance) + len(self._actors)
+        actor_id = ActorIds.of_scenario(stage.instance) + self._withdrawn + len(self._actors)
         kind = find_blueprint(blueprint)
         actor = stage.world.spawn(actor_id, kind, position, yaw, role, kind.colour(stage.draws, actor_id))
         self._actors.append(actor)
@@ -177,6 +178,12 @@ class Scenario(ABC):
         """Removes all its actors."""
         for actor in self._actors:
             actor.remove()
+
+    def withdraw(self) -> None:
+        """Removes and forgets the actors of an attempt to place it; the next attempt's are its first."""
+        self.clear()
+        self._withdrawn += len(self._actors)
+        self._actors.clear()
 
 
 SCENARIOS: Registry[type[Scenario]] = Registry("scenario", package="lavsim.scenarios", also=read_folders)

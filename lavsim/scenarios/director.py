@@ -193,7 +193,7 @@ class Director:
             hazard.is_placed = True
         except ScenarioError as error:
             hazard.refusal = str(error)
-            hazard.scenario.clear()
+            hazard.scenario.withdraw()
             hazard.retry = self._world.tick + _RETRY_TICKS
         except Exception as error:
             raise _mistake(hazard.scenario, error) from error
