@@ -32,11 +32,14 @@ from lavsim.agent_runner import InProcessAgent
 from lavsim.agent_source import load_agent_class
 from lavsim.drawings import checked_all
 from lavsim.errors import ConfigError
-from lavsim.guidance import Guidance
+from lavsim.guidance import GOAL_FARTHEST, GOAL_REACHED, Guidance
+from lavsim.map.planner import get_planner
+from lavsim.map.town_files import load_town
 from lavsim.render.scene import get_scene
 from lavsim.sensors.base import SensorSuite
 from lavsim.simulation import Simulation
 from lavsim.types import Control, RoadOption
+from leaderboard.routes import read_routes
 from tests.drives import straight_drive
 
 MICRO = find_preset("micro")
@@ -244,6 +247,13 @@ def test_far_goals_are_brought_near_along_the_arc() -> None:
     on_arc = [[radius * math.sin(a), radius * (1.0 - math.cos(a))] for a in (50.0 / radius, 100.0 / radius)]
     found = goals(radius * math.sin(far), radius * (1.0 - math.cos(far)))
     assert found == pytest.approx(planner_from_vehicle(np.array(on_arc)), abs=1e-3)
+
+
+def test_no_goal_of_1_0_s_plans_is_far() -> None:
+    for entry in read_routes("quick"):
+        route = get_planner(load_town(entry.town)).trace(entry.keypoints)
+        apart = np.hypot(*np.diff(route.xy[route.thinned(50.0)], axis=0).T)
+        assert apart.max() + GOAL_REACHED < GOAL_FARTHEST, "who reaches one is near the next"
 
 
 def test_weights_that_ship_fit_each_other() -> None:
