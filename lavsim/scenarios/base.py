@@ -131,7 +131,7 @@ class Scenario(ABC):
     def __init__(self, config: Any) -> None:
         self.config = config
         self._actors: list[Actor] = []
-        self._withdrawn = 0  # actors of attempts to place it that failed
+        self.withdrawn = 0  # actors of attempts to place it that failed; their ids are gone
 
     @abstractmethod
     def fits(self, site: Site) -> str | None:
@@ -168,7 +168,7 @@ class Scenario(ABC):
         Raises:
             ScenarioError: another actor stands there.
         """
-        actor_id = ActorIds.of_scenario(stage.instance) + self._withdrawn + len(self._actors)
+        actor_id = ActorIds.of_scenario(stage.instance) + self.withdrawn + len(self._actors)
         kind = find_blueprint(blueprint)
         actor = stage.world.spawn(actor_id, kind, position, yaw, role, kind.colour(stage.draws, actor_id))
         self._actors.append(actor)
@@ -182,7 +182,7 @@ class Scenario(ABC):
     def withdraw(self) -> None:
         """Removes and forgets the actors of an attempt to place it; the next attempt's are its first."""
         self.clear()
-        self._withdrawn += len(self._actors)
+        self.withdrawn += len(self._actors)
         self._actors.clear()
 
 

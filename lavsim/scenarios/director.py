@@ -23,6 +23,7 @@ from lavsim.world.world import World
 
 _PLACE_RANGE = 500.0  # [m] from the ego within which a hazard's actors appear
 _RETRY_TICKS = 20  # between attempts to place a hazard whose place is taken; as long, one is tried at its trigger
+_MOST_WITHDRAWN = 500  # actors of attempts in vain, half of a hazard's ids: after them it is left out
 TRIGGER_RADIUS = {"1.0": 1.5, "2.x": 2.0}  # [m] of the ego's route point from the trigger that sets a hazard off
 _TRIGGER_GAP = 2.0  # [m] and
 _TRIGGER_TURN = np.radians(10.0)  # off the route: farther and the leaderboard ignores a trigger
@@ -195,6 +196,8 @@ class Director:
             hazard.refusal = str(error)
             hazard.scenario.withdraw()
             hazard.retry = self._world.tick + _RETRY_TICKS
+            if hazard.scenario.withdrawn >= _MOST_WITHDRAWN:
+                self._end(hazard)
         except Exception as error:
             raise _mistake(hazard.scenario, error) from error
 
