@@ -18,7 +18,7 @@ from leaderboard.routes import read_routes
 from leaderboard.run import Run
 from leaderboard.table import short_name
 
-FILES = ("quick", "devtest", "validation", "training")
+FILES = ("quick", "devtest", "validation", "training", "hazards")
 AGENTS = {
     "random": "agents.baselines.random_agent",
     "constant_speed": "agents.baselines.constant_speed",
